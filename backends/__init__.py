@@ -1,0 +1,1 @@
+"""What is done with closures: consistency, pose graph, merged trajectories and map."""

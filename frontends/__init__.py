@@ -1,0 +1,1 @@
+"""What is done with scans: odometry, keyframes, place recognition, registration."""

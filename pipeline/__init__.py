@@ -1,0 +1,1 @@
+"""Composes the rooms: sources, runs, comparisons, evaluation, and the command line."""

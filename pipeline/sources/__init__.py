@@ -1,0 +1,1 @@
+"""Readers of recordings, one scan in memory at a time."""

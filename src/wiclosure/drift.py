@@ -1,0 +1,88 @@
+"""How fast odometry goes wrong: a drift model, and what it says of any two poses of one trajectory.
+
+Two kinds of error are added along the path.  *Random walk*: independent from step to step, its standard deviation grows
+with the square root of the distance.  *Bias*: one unknown constant for the whole trajectory (scale, a gyroscope's or a
+calibration's yaw rate), its effect grows with the distance.  Both are kept as prefix sums in the odometry frame, so the
+covariance between any two poses costs the same however far they are apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.errors import ConfigError
+from wiclosure.se3 import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class DriftModel:
+    """Standard deviations of odometry errors, along the path travelled.
+
+    Args:
+        translation_walk: m per square root of a metre travelled, each axis.
+        rotation_walk: rad per square root of a metre travelled, each axis.
+        rotation_walk_turning: rad per square root of a radian turned, each axis.
+        translation_bias: m per metre travelled (scale and side slip).
+        rotation_bias: rad per metre travelled.
+
+    Raises:
+        ConfigError: a value is negative or not finite, or all translation or all rotation terms are zero.
+    """
+
+    translation_walk: float = 0.02
+    rotation_walk: float = 0.001
+    rotation_walk_turning: float = 0.005
+    translation_bias: float = 0.003
+    rotation_bias: float = 0.00003
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ConfigError(f"drift.{name} is {value}; it must be a number >= 0")
+        if self.translation_walk == 0 or self.rotation_walk == 0:
+            raise ConfigError("drift.translation_walk and drift.rotation_walk must be > 0: no odometry is perfect")
+
+
+@dataclass(frozen=True, eq=False)
+class AccumulatedDrift:
+    """Prefix sums of a drift model along one trajectory of N poses.
+
+    Args:
+        walk: `(N, 6, 6)`, sum of `Ad(T_k) Q_k Ad(T_k)^T` over the steps up to each pose, in the odometry frame.
+        bias: `(N, 6, 6)`, sum of `Ad(T_k) ds_k` over the steps up to each pose.
+        bias_sigma: `(6,)`, standard deviations of the constant error per metre.
+    """
+
+    walk: FloatArray
+    bias: FloatArray
+    bias_sigma: FloatArray
+
+    @classmethod
+    def along(cls, T_odom_body: FloatArray, drift: DriftModel) -> AccumulatedDrift:
+        """Accumulates `drift` over the poses `(N, 4, 4)` of one trajectory."""
+        step = se3.between(T_odom_body[:-1], T_odom_body[1:])
+        length = np.linalg.norm(step[:, :3, 3], axis=1)
+        variance = np.empty((len(step), 6))
+        variance[:, :3] = (drift.rotation_walk**2 * length + drift.rotation_walk_turning**2 * se3.rotation_angle(step))[
+            :, None
+        ]
+        variance[:, 3:] = (drift.translation_walk**2 * length)[:, None]
+        Ad = se3.adjoint(T_odom_body[1:])
+        walk = np.zeros((len(T_odom_body), 6, 6))
+        bias = np.zeros((len(T_odom_body), 6, 6))
+        np.cumsum(np.einsum("nij,nj,nkj->nik", Ad, variance, Ad), axis=0, out=walk[1:])
+        np.cumsum(Ad * length[:, None, None], axis=0, out=bias[1:])
+        sigma = np.repeat([drift.rotation_bias, drift.translation_bias], 3)
+        return cls(walk, bias, sigma)
+
+    def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j, for index arrays `i, j (M,)` in any order."""
+        sign = np.where(i <= j, 1.0, -1.0)[:, None, None]
+        to_j = se3.adjoint(se3.inverse(T_odom_body[j]))
+        bias = (self.bias[j] - self.bias[i]) * self.bias_sigma
+        in_odom = sign * (self.walk[j] - self.walk[i]) + bias @ np.swapaxes(bias, 1, 2)
+        return se3.rotate_covariance(to_j, in_odom)

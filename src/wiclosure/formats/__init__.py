@@ -1,0 +1,1 @@
+"""Files that users and other programs read and write."""

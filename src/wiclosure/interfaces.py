@@ -1,0 +1,57 @@
+"""The seams of the pipeline: what can be exchanged, and what a replacement must do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Protocol, runtime_checkable
+
+from wiclosure.types import FilterResult, FloatArray, Scan, Trajectory, WirelessLog
+
+
+@runtime_checkable
+class ScanSource(Protocol):
+    """A recording of one LiDAR, read one scan at a time.
+
+    Iterating twice gives the same scans twice.  A source yields what it finds; empty scans and stamps out of order are
+    handled in one place for all sources (`wiclosure.pipeline.sources.checked`).
+    """
+
+    @property
+    def description(self) -> str:
+        """One line for the user: what is read, and from where."""
+        ...
+
+    def __len__(self) -> int:
+        """How many scans the recording announces."""
+        ...
+
+    def __iter__(self) -> Iterator[Scan]:
+        """The scans in the order of the recording."""
+        ...
+
+
+class Odometry(Protocol):
+    """Follows one sensor through its scans."""
+
+    def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
+        """Next scan in; `stamp_ns` of the pose, `T_odom_body (4, 4)` and the deskewed points `(N, 3)` out."""
+        ...
+
+
+class CandidateFilter(Protocol):
+    """Chooses the pairs of keyframes that are worth comparing, before any scan is looked at."""
+
+    @property
+    def name(self) -> str:
+        """Registry name."""
+        ...
+
+    def candidates(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> FilterResult:
+        """Kept pairs between the keyframe trajectories of all robots.
+
+        Args:
+            trajectories: keyframe odometry by robot name; indices in the result refer to these poses. Each robot
+                has its own, unknown odometry frame. Stamps of all robots come from one clock.
+            wireless: measurements and headings of these robots.
+        """
+        ...
