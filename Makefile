@@ -1,0 +1,39 @@
+# Two commands serve a fresh machine: `make demo` and `make test`.  Both set up .venv first, and only when something changed.
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: help setup test test-all lint demo bench package clean
+.DEFAULT_GOAL := help
+
+help: ## list what can be made
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+setup: $(VENV)/.ready ## create .venv with everything in it
+
+$(VENV)/.ready: pyproject.toml constraints.txt scripts/setup
+	@scripts/setup $(VENV)
+	@touch $@
+
+lint: setup ## ruff, mypy strict, import contracts
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+test: lint ## lint, and the quick tests
+	$(BIN)/pytest -m "not slow"
+
+test-all: lint ## lint, and all tests
+	$(BIN)/pytest
+
+demo: setup ## simulate two robots, merge them with the wireless filter off and on
+	$(BIN)/wiclosure demo --out results/demo --overwrite
+
+bench: setup ## every benchmark
+	@for file in benchmarks/[a-z]*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+package: setup ## wheel and sdist into dist/
+	$(BIN)/python -m build --outdir dist .
+
+clean: ## remove what was made, also .venv
+	rm -rf $(VENV) build dist results src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
