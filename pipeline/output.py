@@ -1,0 +1,112 @@
+"""Results appear whole or not at all: written aside, then renamed."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+
+from wiclosure.errors import OutputError
+
+
+def default_folder(results: Path = Path("results")) -> Path:
+    """`results/<time>`, unused."""
+    name = datetime.now().astimezone().strftime("%Y-%m-%d_%H-%M-%S")
+    folder, count = results / name, 1
+    while folder.exists():
+        count += 1
+        folder = results / f"{name}_{count}"
+    return folder
+
+
+def require_free(out: Path, *, overwrite: bool) -> None:
+    """Fails before any work is done when `out` cannot become the result.
+
+    Raises:
+        OutputError: `out` exists and `overwrite` is false, or its parent cannot be written.
+    """
+    if out.exists() and not overwrite:
+        raise OutputError(f"{out} exists already; choose another --out, or replace it with --overwrite")
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"{out} is a file, not a folder; choose another --out")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=out.parent).close()
+    except OSError as error:
+        raise OutputError(f"{out.parent} cannot be written ({_reason(error)}); choose another --out") from error
+
+
+@contextmanager
+def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Gives a scratch folder beside `out` that becomes `out` when the block ends well, and vanishes otherwise.
+
+    Raises:
+        OutputError: see `require_free`; also when the disk fills up inside the block.
+    """
+    require_free(out, overwrite=overwrite)
+    scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".unfinished", dir=out.parent))
+    try:
+        yield scratch
+        scratch.chmod(0o755)  # mkdtemp makes folders that nobody else can read
+        _replace(out, scratch)
+    except OSError as error:
+        if error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
+            raise OutputError(
+                f"writing {out} failed ({_reason(error)}); make room or choose another --out; nothing half-written is left"
+            ) from error
+        raise
+    finally:
+        with suppress(FileNotFoundError):
+            shutil.rmtree(scratch)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Gives a scratch path beside `path` that becomes `path` when the block ends well.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent, delete=False) as made:
+            scratch = Path(made.name)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written ({_reason(error)})") from error
+    try:
+        yield scratch
+        scratch.chmod(0o644)
+        scratch.replace(path)
+    except OSError as error:
+        raise OutputError(f"writing {path} failed ({_reason(error)}); nothing half-written is left") from error
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def point_latest(out: Path) -> None:
+    """Makes `latest` beside `out` a relative link to it; does nothing where a real folder has that name."""
+    link = out.parent / "latest"
+    if link.is_symlink() or not link.exists():
+        scratch = out.parent / f".latest.{out.name}"
+        scratch.unlink(missing_ok=True)
+        scratch.symlink_to(out.name)
+        scratch.replace(link)
+
+
+def _replace(out: Path, scratch: Path) -> None:
+    """Puts `scratch` where `out` is; the old folder is deleted only after the new one stands."""
+    if not out.exists():
+        scratch.rename(out)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".old", dir=out.parent))
+    out.rename(old / "folder")
+    scratch.rename(out)
+    shutil.rmtree(old)
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)
