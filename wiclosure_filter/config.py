@@ -1,0 +1,111 @@
+"""Settings of the filters: few numbers, the rest is derived from them."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field
+
+from wiclosure.settings import Settings
+
+
+class SharedTrajectorySettings(Settings):
+    """How the trajectories of all robots are brought together."""
+
+    method: Literal["joint", "shortest"] = Field(
+        default="joint",
+        description="joint: one estimate over all robots and all accepted links;"
+        " shortest: each pair of poses through the one link with the shortest route (paper, eq. 13)",
+    )
+    node_spacing_m: float = Field(
+        default=20.0,
+        gt=0,
+        description="m of road between poses of the joint estimate, besides those at links; the poses between follow"
+        " the odometry, whose drift over so short a way is far below the radio's error",
+    )
+    degrees_of_freedom: Literal[4, 6] = Field(
+        default=4,
+        description="4: all odometry frames have z up, so that yaw and position of another robot's frame are unknown;"
+        " 6: free rotation",
+    )
+    gravity_sigma_rad: float = Field(
+        default=0.035,
+        gt=0,
+        description="rad, tilt of a gravity-aligned odometry frame (2 degrees: a vehicle at rest on a road)",
+    )
+
+
+class GateSettings(Settings):
+    """Which pairs are near enough to be worth comparing."""
+
+    method: Literal["overlap_probability", "mahalanobis"] = Field(
+        default="overlap_probability",
+        description="overlap_probability: the pair is within sensor_range_m with at least min_probability;"
+        " mahalanobis: the paper's gate (eq. 7), which asks whether the two places may be the same",
+    )
+    sensor_range_m: float = Field(
+        default=35.0,
+        gt=0,
+        description="m, R_sensor: two scans taken this far apart still overlap (paper: 20 % at 30 m range)",
+    )
+    min_probability: float = Field(
+        default=0.05,
+        gt=0,
+        lt=1,
+        description="a pair is kept where its chance of overlap is at least this: missing a true pair is taken to cost"
+        " as much as comparing 20 pairs for nothing",
+    )
+    mahalanobis_threshold: float = Field(
+        default=3.0, gt=0, description="D of the paper's gate, in standard deviations of the displacement"
+    )
+    budget: int | None = Field(
+        default=None,
+        ge=1,
+        description="keep at most so many pairs a robot pair, the most probable first; null: no limit",
+    )
+
+
+class RandomSettings(Settings):
+    """Random choice of pairs."""
+
+    keep_rate: float = Field(default=0.01, ge=0, le=1, description="share of pairs that is kept")
+    seed: int = Field(default=0, ge=0, description="the same seed keeps the same pairs")
+
+
+class OracleSettings(Settings):
+    """Choice by ground truth."""
+
+    radius_m: float = Field(
+        default=35.0, gt=0, description="m, pairs nearer than this are kept (the paper's true pairs)"
+    )
+
+
+class RangeGateSettings(Settings):
+    """Choice by UWB range alone."""
+
+    max_range_m: float = Field(default=35.0, gt=0, description="m, ranges up to this propose pairs (scans overlap)")
+    window_m: float = Field(
+        default=35.0, gt=0, description="m travelled before and after the measurement that are proposed on both robots"
+    )
+
+
+class FilterSettings(Settings):
+    """Everything that `make_filter` needs."""
+
+    shared_trajectory: SharedTrajectorySettings = SharedTrajectorySettings()
+    gate: GateSettings = GateSettings()
+    on_ambiguous: Literal["pass", "reject", "raise"] = Field(
+        default="pass",
+        description="where the radio cannot tell how two robots' frames lie: pass every pair, reject every pair, or"
+        " stop with an error",
+    )
+    random: RandomSettings = RandomSettings()
+    oracle: OracleSettings = OracleSettings()
+    range_gate: RangeGateSettings = RangeGateSettings()
+
+    @classmethod
+    def as_in_paper(cls) -> Self:
+        """One link for each pair of poses, and the Mahalanobis gate."""
+        return cls(
+            shared_trajectory=SharedTrajectorySettings(method="shortest"), gate=GateSettings(method="mahalanobis")
+        )

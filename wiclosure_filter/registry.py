@@ -1,0 +1,59 @@
+"""All candidate filters by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+from wiclosure.errors import ConfigError
+from wiclosure.interfaces import CandidateFilter
+from wiclosure.types import Trajectory
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.simple_filters import NoFilter, OracleFilter, RandomFilter, RangeGateFilter
+
+GroundTruth: TypeAlias = Mapping[str, Trajectory]
+FilterFactory: TypeAlias = Callable[[FilterSettings, GroundTruth | None], CandidateFilter]
+
+
+def _make_none(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
+    return NoFilter()
+
+
+def _make_random(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
+    return RandomFilter(settings.random)
+
+
+def _make_oracle(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
+    if ground_truth is None:
+        raise ConfigError("the oracle filter needs ground truth; give a ground_truth trajectory for every robot")
+    return OracleFilter(ground_truth, settings.oracle)
+
+
+def _make_range_gate(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
+    return RangeGateFilter(settings.range_gate)
+
+
+FILTERS: dict[str, FilterFactory] = {
+    "none": _make_none,
+    "random": _make_random,
+    "oracle": _make_oracle,
+    "range-gate": _make_range_gate,
+}
+
+
+def make_filter(
+    name: str, settings: FilterSettings | None = None, ground_truth: GroundTruth | None = None
+) -> CandidateFilter:
+    """The filter of that name.
+
+    Args:
+        name: a key of `FILTERS`.
+        settings: defaults where None.
+        ground_truth: true trajectories by robot, in one frame; only the oracle needs them.
+
+    Raises:
+        ConfigError: no such filter, or the oracle without ground truth.
+    """
+    if name not in FILTERS:
+        raise ConfigError(f"there is no candidate filter {name!r}; choose one of {', '.join(FILTERS)}")
+    return FILTERS[name](settings or FilterSettings(), ground_truth)
