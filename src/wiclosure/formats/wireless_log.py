@@ -1,0 +1,301 @@
+"""Wireless logs: JSON Lines, one measurement or heading a line.
+
+```
+{"type":"wireless","stamp":12.300,"receiver":"alpha","transmitter":"beta","range":23.41,"range_sigma":0.5,
+ "aoa_frame":"body","paths":[{"azimuth":0.31,"elevation":null,"sigma":0.1745,"weight":0.62}]}
+{"type":"heading","stamp":12.300,"robot":"alpha","heading":1.57,"sigma":0.05}
+```
+(each record on one line).  Stamps are seconds; they are read as decimals, so that nanoseconds since 1970 stay exact.
+Angles are radians, azimuth counter-clockwise from x forward, elevation up from the horizontal plane.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import logging
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+from wiclosure.errors import InputError, OutputError
+from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
+
+logger = logging.getLogger(__name__)
+
+MAX_STAMP_S = 9_000_000_000  # nanoseconds beyond this do not fit 64 bits
+DEFAULT_RANGE_SIGMA_M = 0.5  # of a range without `range_sigma`: UWB between moving robots
+_LARGEST_ANGLE_RAD = 2 * math.pi + 1e-6
+
+_Record: TypeAlias = Mapping[str, Any]
+_Value = TypeVar("_Value")
+
+
+def read_wireless_log(path: Path | str) -> WirelessLog:
+    """Reads a wireless log; records may stand in any order, the result is in order of time.
+
+    Angles that look like degrees are not an error: one warning a file names the first line and how many there are.
+
+    Raises:
+        InputError: the file cannot be read, or a line is not a valid record; names the file and the line.
+    """
+    measurements: list[WirelessMeasurement] = []
+    headings: list[Heading] = []
+    degrees = _Degrees()
+    for line_number, line in _lines(Path(path)):
+        try:
+            record = _parsed(line)
+            if record["type"] == "heading":
+                headings.append(_heading(record))
+                degrees.check(line_number, [headings[-1].heading])
+            else:
+                measurements.append(_measurement(record))
+                degrees.check(line_number, _angles(measurements[-1].paths))
+        except InputError as error:
+            raise InputError(f"{path}, line {line_number}: {error}") from error
+    degrees.warn(path)
+    return WirelessLog() + WirelessLog(tuple(measurements), tuple(headings))
+
+
+def write_wireless_log(path: Path | str, log: WirelessLog) -> None:
+    """Writes a wireless log in order of time; reading it again gives an equal log.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    records = [(m.stamp_ns, _measurement_line(m)) for m in log.measurements]
+    records += [(h.stamp_ns, _heading_line(h)) for h in log.headings]
+    records.sort(key=lambda record: record[0])
+    try:
+        Path(path).write_text("".join(f"{line}\n" for _, line in records), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot write the wireless log {path}: {error.strerror}; check the folder") from error
+
+
+# ------------------------------------------------------------------------------------------------------------- reading
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Line numbers from 1, and the lines that are not blank."""
+    try:
+        with path.open("rb") as file:
+            for number, line in enumerate(file, start=1):
+                if line.strip():
+                    yield number, line
+    except OSError as error:
+        raise InputError(f"cannot read the wireless log {path}: {error.strerror}; check the path") from error
+
+
+def _parsed(line: bytes) -> _Record:
+    """The JSON object of a line, decimals kept exact, its keys checked."""
+    try:
+        record = json.loads(line.decode("utf-8-sig"), parse_float=Decimal)
+    except (ValueError, RecursionError, ArithmeticError) as error:
+        detail = error.msg if isinstance(error, json.JSONDecodeError) else type(error).__name__
+        raise InputError(f"not valid JSON ({detail}); write one complete JSON object a line, in UTF-8") from error
+    if not isinstance(record, dict):
+        raise InputError("not a JSON object; write one record {...} a line")
+    kind = record.get("type")
+    if not isinstance(kind, str) or kind not in _KEYS:
+        raise InputError(f'"type" is {_shown(kind)}; expected "wireless" or "heading"')
+    _check_keys(record, kind)
+    return record
+
+
+_KEYS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {  # required, optional
+    "wireless": (
+        frozenset({"type", "stamp", "receiver", "transmitter"}),
+        frozenset(
+            {"range", "range_sigma", "aoa_frame", "paths", "transmitter_stamp"}
+            | {"lever_arm_receiver", "lever_arm_transmitter"}
+        ),
+    ),
+    "heading": (frozenset({"type", "stamp", "robot", "heading", "sigma"}), frozenset()),
+    "path": (frozenset({"azimuth", "sigma"}), frozenset({"weight", "elevation"})),
+}
+
+
+def _check_keys(record: _Record, kind: str) -> None:
+    required, optional = _KEYS[kind]
+    missing = sorted(required - record.keys())
+    if missing:
+        raise InputError(f'{kind} record without "{missing[0]}"; add it')
+    unknown = sorted(record.keys() - required - optional)
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], required | optional, n=1)
+        hint = f'did you mean "{near[0]}"?' if near else f"known keys: {', '.join(sorted(required | optional))}"
+        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint}")
+
+
+def _measurement(record: _Record) -> WirelessMeasurement:
+    range_m = _optional(record, "range", _number)
+    range_sigma_m = _optional(record, "range_sigma", _number)
+    if range_m is None:
+        range_sigma_m = None
+    elif range_sigma_m is None:
+        range_sigma_m = DEFAULT_RANGE_SIGMA_M
+    return WirelessMeasurement(
+        stamp_ns=_stamp_ns(record, "stamp"),
+        receiver=_name(record, "receiver"),
+        transmitter=_name(record, "transmitter"),
+        range_m=range_m,
+        range_sigma_m=range_sigma_m,
+        paths=_optional(record, "paths", _paths) or (),
+        aoa_frame=_optional(record, "aoa_frame", _name) or "body",  # type: ignore[arg-type]  # checked by the dataclass
+        transmitter_stamp_ns=_optional(record, "transmitter_stamp", _stamp_ns),
+        lever_arm_receiver=_optional(record, "lever_arm_receiver", _vector) or (0.0, 0.0, 0.0),
+        lever_arm_transmitter=_optional(record, "lever_arm_transmitter", _vector) or (0.0, 0.0, 0.0),
+    )
+
+
+def _heading(record: _Record) -> Heading:
+    return Heading(
+        stamp_ns=_stamp_ns(record, "stamp"),
+        robot=_name(record, "robot"),
+        heading=_number(record, "heading"),
+        sigma=_number(record, "sigma"),
+    )
+
+
+def _paths(record: _Record, key: str) -> tuple[AoaPath, ...]:
+    entries = record[key]
+    if not isinstance(entries, list):
+        raise InputError(f'"{key}" is {_shown(entries)}; expected a list of paths, or null')
+    return tuple(_path(entry) for entry in entries)
+
+
+def _path(entry: object) -> AoaPath:
+    if not isinstance(entry, dict):
+        raise InputError(f'a path is {_shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
+    _check_keys(entry, "path")
+    weight = _optional(entry, "weight", _number)
+    return AoaPath(
+        azimuth=_number(entry, "azimuth"),
+        sigma=_number(entry, "sigma"),
+        weight=1.0 if weight is None else weight,
+        elevation=_optional(entry, "elevation", _number),
+    )
+
+
+def _optional(record: _Record, key: str, read: Callable[[_Record, str], _Value]) -> _Value | None:
+    return None if record.get(key) is None else read(record, key)
+
+
+def _number(record: _Record, key: str) -> float:
+    """A finite number; NaN and Infinity, which Python's JSON lets through, are not."""
+    value = record[key]
+    if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
+        raise InputError(f'"{key}" is {_shown(value)}; expected a number')
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InputError(f'"{key}" is {_shown(value)}; expected a finite number (use null where there is none)')
+    return number
+
+
+def _stamp_ns(record: _Record, key: str) -> int:
+    seconds = _number(record, key)
+    if abs(seconds) > MAX_STAMP_S:
+        raise InputError(f'"{key}" is {_shown(record[key])}; stamps are seconds, not nanoseconds')
+    return round(Decimal(record[key]) * 1_000_000_000)
+
+
+def _name(record: _Record, key: str) -> str:
+    value = record[key]
+    if not isinstance(value, str) or not value:
+        raise InputError(f'"{key}" is {_shown(value)}; expected a name')
+    return value
+
+
+def _vector(record: _Record, key: str) -> tuple[float, float, float]:
+    value = record[key]
+    if not isinstance(value, list) or len(value) != 3:
+        raise InputError(f'"{key}" is {_shown(value)}; expected [x, y, z] in metres')
+    x, y, z = (_number({key: component}, key) for component in value)
+    return x, y, z
+
+
+def _shown(value: object) -> str:
+    """A value as it stands in the file, cut where it is long."""
+    text = str(value) if isinstance(value, Decimal) else json.dumps(value, default=str)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+@dataclass
+class _Degrees:
+    """Remembers the lines whose angles cannot be radians by the look of them."""
+
+    first_line: int = 0
+    example: float = 0.0
+    lines: int = 0
+
+    def check(self, line_number: int, angles: Iterable[float]) -> None:
+        largest = max(angles, key=abs, default=0.0)
+        if abs(largest) > _LARGEST_ANGLE_RAD:
+            self.lines += 1
+            if self.lines == 1:
+                self.first_line, self.example = line_number, largest
+
+    def warn(self, path: Path | str) -> None:
+        if self.lines:
+            logger.warning(
+                "%s, line %d: angle %g looks like degrees (%d lines do); angles are radians, so convert the log",
+                path,
+                self.first_line,
+                self.example,
+                self.lines,
+            )
+
+
+def _angles(paths: tuple[AoaPath, ...]) -> Iterator[float]:
+    for path in paths:
+        yield path.azimuth
+        yield path.sigma
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+def _seconds(stamp_ns: int) -> str:
+    sign, magnitude = ("-" if stamp_ns < 0 else ""), abs(stamp_ns)
+    return f"{sign}{magnitude // 1_000_000_000}.{magnitude % 1_000_000_000:09d}"
+
+
+def _measurement_line(measurement: WirelessMeasurement) -> str:
+    fields: dict[str, object] = {
+        "receiver": measurement.receiver,
+        "transmitter": measurement.transmitter,
+        "range": measurement.range_m,
+        "range_sigma": measurement.range_sigma_m,
+        "aoa_frame": measurement.aoa_frame,
+        "paths": [
+            {"azimuth": p.azimuth, "elevation": p.elevation, "sigma": p.sigma, "weight": p.weight}
+            for p in measurement.paths
+        ]
+        or None,
+    }
+    for key, arm in (
+        ("lever_arm_receiver", measurement.lever_arm_receiver),
+        ("lever_arm_transmitter", measurement.lever_arm_transmitter),
+    ):
+        if any(arm):
+            fields[key] = arm
+    stamps = {"stamp": measurement.stamp_ns}
+    if measurement.transmitter_stamp_ns is not None:
+        stamps["transmitter_stamp"] = measurement.transmitter_stamp_ns
+    return _line("wireless", stamps, fields)
+
+
+def _heading_line(heading: Heading) -> str:
+    return _line(
+        "heading",
+        {"stamp": heading.stamp_ns},
+        {"robot": heading.robot, "heading": heading.heading, "sigma": heading.sigma},
+    )
+
+
+def _line(kind: str, stamps_ns: Mapping[str, int], fields: Mapping[str, object]) -> str:
+    """One record; stamps are spelt out because JSON's floats cannot hold nanoseconds since 1970."""
+    stamps = ",".join(f'"{key}":{_seconds(stamp_ns)}' for key, stamp_ns in stamps_ns.items())
+    return f'{{"type":"{kind}",{stamps},{json.dumps(fields, separators=(",", ":"), allow_nan=False)[1:]}'
