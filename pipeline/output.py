@@ -56,7 +56,7 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
     except OSError as error:
         if error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
             raise OutputError(
-                f"writing {out} failed ({_reason(error)}); make room or choose another --out; nothing half-written is left"
+                f"writing {out} failed ({_reason(error)}); make room or choose another --out; nothing unfinished stays"
             ) from error
         raise
     finally:

@@ -1,0 +1,198 @@
+"""One configuration for a whole run: nested settings from defaults, a YAML file, the environment, the command line.
+
+Later ones win: default < file < environment < command line.  Keys are dotted paths: `keyframes.distance_m` in YAML is
+nested, in the environment `WICLOSURE_KEYFRAMES__DISTANCE_M`, on the command line `--set keyframes.distance_m=2`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, Field, ValidationError
+
+from wiclosure.backends.config import MapSettings, PcmSettings, PoseGraphSettings
+from wiclosure.errors import ConfigError
+from wiclosure.frontends.config import (
+    KeyframeSettings,
+    MatchingSettings,
+    OdometrySettings,
+    RegistrationSettings,
+    ScanContextSettings,
+)
+from wiclosure.pipeline.evaluation import EvaluationSettings
+from wiclosure.settings import Settings
+from wiclosure.wiclosure_filter.config import FilterSettings
+
+ENVIRONMENT_PREFIX = "WICLOSURE_"
+NOT_SETTINGS = {"WICLOSURE_DATA", "WICLOSURE_CACHE"}
+
+
+class Config(Settings):
+    """Everything that can be set about a run."""
+
+    odometry: OdometrySettings = OdometrySettings()
+    keyframes: KeyframeSettings = KeyframeSettings()
+    scan_context: ScanContextSettings = ScanContextSettings()
+    use_filter: str = Field("wiclosure", description="candidate filter: wiclosure, none, range-gate, oracle, random")
+    filter: FilterSettings = FilterSettings()
+    matching: MatchingSettings = MatchingSettings()
+    registration: RegistrationSettings = RegistrationSettings()
+    pcm: PcmSettings = PcmSettings()
+    pose_graph: PoseGraphSettings = PoseGraphSettings()
+    map: MapSettings = MapSettings()
+    evaluation: EvaluationSettings = EvaluationSettings()
+    seed: int = Field(0, ge=0, description="seed of everything random, so that a run can be repeated")
+
+
+def load_config(
+    source: str | None = None,
+    *,
+    environment: Mapping[str, str] | None = None,
+    overrides: Sequence[str] = (),
+) -> Config:
+    """The configuration from all its places.
+
+    Args:
+        source: path of a YAML file, or name of a preset in `wiclosure.configs`; None for defaults.
+        environment: usually `os.environ`.
+        overrides: `key.path=value` words, values in YAML.
+
+    Raises:
+        ConfigError: names the key, the value and the place it came from, and suggests the near key.
+    """
+    layers: list[tuple[str, dict[str, Any]]] = []
+    if source is not None:
+        layers.append(_read_file(source))
+    layers.append(("the environment", _from_environment(environment or {})))
+    layers.append(("--set", _from_overrides(overrides)))
+    merged: dict[str, Any] = {}
+    for place, layer in layers:
+        merged = _merge(merged, layer)
+        # Validated layer by layer, so that an error names the place that brought it.
+        try:
+            config = Config.model_validate(merged)
+        except ValidationError as error:
+            raise ConfigError(_explain(error, place)) from None
+    return config
+
+
+def preset_names() -> list[str]:
+    """Names of the presets that `--config NAME` takes."""
+    return sorted(
+        p.name.removesuffix(".yaml") for p in files("wiclosure.configs").iterdir() if p.name.endswith(".yaml")
+    )
+
+
+def dump_config(config: BaseModel, *, comments: bool = True) -> str:
+    """The configuration as YAML, each key with its meaning as a comment."""
+    return "\n".join(_yaml_lines(config, indent="", comments=comments)) + "\n"
+
+
+def _read_file(source: str) -> tuple[str, dict[str, Any]]:
+    path = Path(source)
+    preset = files("wiclosure.configs") / f"{source}.yaml"
+    if path.is_file():
+        text = path.read_text(encoding="utf-8", errors="replace")
+    elif "/" not in source and preset.is_file():
+        text = preset.read_text(encoding="utf-8")
+    else:
+        raise ConfigError(
+            f"configuration {source} not found; give a YAML file or a preset: {', '.join(preset_names())}"
+        )
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{source} is not valid YAML: {' '.join(str(error).split())}") from None
+    if content is None:
+        content = {}
+    if not isinstance(content, dict):
+        raise ConfigError(
+            f"{source} holds a {type(content).__name__}; expected keys and values (see wiclosure dump-config)"
+        )
+    return source, content
+
+
+def _from_environment(environment: Mapping[str, str]) -> dict[str, Any]:
+    """`WICLOSURE_A__B=value` as nested keys; a misspelt variable is an error like any other unknown key."""
+    nested: dict[str, Any] = {}
+    for name in sorted(environment):
+        if name.startswith(ENVIRONMENT_PREFIX) and name not in NOT_SETTINGS:
+            keys = name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")
+            nested = _merge(nested, _nest(keys, environment[name]))
+    return nested
+
+
+def _from_overrides(overrides: Sequence[str]) -> dict[str, Any]:
+    nested: dict[str, Any] = {}
+    for word in overrides:
+        path, equals, value = word.partition("=")
+        if not equals or not path:
+            raise ConfigError(f"--set {word}: expected key.path=value, for example keyframes.distance_m=2")
+        nested = _merge(nested, _nest(path.split("."), value))
+    return nested
+
+
+def _nest(keys: list[str], value: str) -> dict[str, Any]:
+    try:
+        nested: Any = yaml.safe_load(value)
+    except yaml.YAMLError:
+        nested = value
+    for key in reversed(keys):
+        nested = {key: nested}
+    assert isinstance(nested, dict)
+    return nested
+
+
+def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """`above` laid over `below`, group by group."""
+    merged = dict(below)
+    for key, value in above.items():
+        inner = merged.get(key)
+        merged[key] = _merge(inner, value) if isinstance(inner, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _explain(error: ValidationError, place: str) -> str:
+    """The first problem as one sentence."""
+    problem = error.errors()[0]
+    location = [str(part) for part in problem["loc"]]
+    key = ".".join(location)
+    if problem["type"] == "extra_forbidden":
+        known = _keys_at(Config, location[:-1])
+        near = difflib.get_close_matches(location[-1], known, n=1, cutoff=0.5)
+        hint = f"did you mean {'.'.join([*location[:-1], near[0]])}?" if near else f"known here: {', '.join(known)}"
+        return f"unknown configuration key {key} in {place}; {hint}"
+    message = problem["msg"].removeprefix("Value error, ")
+    return f"configuration {key} = {problem['input']!r} in {place}: {message[0].lower()}{message[1:]}"
+
+
+def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
+    """Known keys of the group at `path`."""
+    for part in path:
+        annotation = model.model_fields[part].annotation if part in model.model_fields else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)
+
+
+def _yaml_lines(model: BaseModel, indent: str, *, comments: bool) -> list[str]:
+    lines: list[str] = []
+    for name, field in type(model).model_fields.items():
+        value = getattr(model, name)
+        if isinstance(value, BaseModel):
+            if comments and isinstance(type(value).__doc__, str):
+                lines.append(f"{indent}# {str(type(value).__doc__).splitlines()[0]}")
+            lines.append(f"{indent}{name}:")
+            lines.extend(_yaml_lines(value, indent + "  ", comments=comments))
+            continue
+        plain = model.model_dump(mode="json", include={name})[name]
+        text = yaml.safe_dump({name: plain}, default_flow_style=None, sort_keys=False, width=10_000).rstrip()
+        note = f"  # {field.description}" if comments and field.description and "\n" not in text else ""
+        lines.extend(f"{indent}{line}" for line in (text + note).splitlines())
+    return lines
