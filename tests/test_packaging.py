@@ -1,0 +1,91 @@
+"""The wheel and the source distribution hold everything, and install and run in a clean environment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+FOLDERS: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
+
+
+def run(*command: str | Path, **environment: str) -> str:
+    done = subprocess.run(
+        [str(part) for part in command],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_every_package_folder_is_listed() -> None:
+    found = set()
+    for package, folder in FOLDERS.items():
+        for init in (REPOSITORY / folder).rglob("__init__.py"):
+            if init.is_relative_to(REPOSITORY / "src/wiclosure") and any(
+                parent.is_symlink() for parent in init.parents if parent.is_relative_to(REPOSITORY)
+            ):
+                continue
+            inner = init.parent.relative_to(REPOSITORY / folder).parts
+            found.add(".".join([package, *inner]))
+    assert found == set(PROJECT["tool"]["setuptools"]["packages"])
+
+
+def test_every_link_for_type_checkers_resolves() -> None:
+    links = [path for path in (REPOSITORY / "src/wiclosure").iterdir() if path.is_symlink()]
+    assert {f"wiclosure.{link.name}" for link in links} == {
+        package for package, folder in FOLDERS.items() if not folder.startswith("src/")
+    }
+    for link in links:
+        assert link.resolve() == REPOSITORY / FOLDERS[f"wiclosure.{link.name}"]
+
+
+@pytest.fixture(scope="module")
+def distributions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Wheel and sdist, built from a copy of the files that git tracks."""
+    folder = tmp_path_factory.mktemp("distributions")
+    source = folder / "source"
+    run("git", "-C", REPOSITORY, "checkout-index", "--all", f"--prefix={source}/")
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder / "dist", source)
+    (wheel,) = (folder / "dist").glob("*.whl")
+    (sdist,) = (folder / "dist").glob("*.tar.gz")
+    return wheel, sdist
+
+
+@pytest.mark.slow
+def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, Path]) -> None:
+    wheel, sdist = distributions
+    in_wheel = set(zipfile.ZipFile(wheel).namelist())
+    with tarfile.open(sdist) as archive:
+        in_sdist = {name.partition("/")[2] for name in archive.getnames()}
+    for package, folder in FOLDERS.items():
+        for file in (REPOSITORY / folder).glob("*"):
+            if file.suffix in {".py", ".yaml", ".typed"}:
+                assert f"{package.replace('.', '/')}/{file.name}" in in_wheel
+                assert f"{folder}/{file.name}" in in_sdist
+    assert not any(name.startswith(("pipeline/", "configs/", "tests/")) for name in in_wheel)
+
+
+@pytest.mark.slow
+def test_wheel_runs_in_a_clean_environment(distributions: tuple[Path, Path], tmp_path: Path) -> None:
+    run(sys.executable, "-m", "venv", tmp_path / "clean")
+    python = tmp_path / "clean/bin/python"
+    run(python, "-m", "pip", "install", "--no-deps", "--no-index", distributions[0])
+    # The dependencies come from this environment; a path entry shows its packages but not its editable install.
+    dependencies = sysconfig.get_paths()["purelib"]
+    where = run(python, "-c", "import wiclosure.pipeline.cli as m; print(m.__file__)", PYTHONPATH=dependencies)
+    assert Path(where.strip()).is_relative_to(tmp_path / "clean")
+    config = run(tmp_path / "clean/bin/wiclosure", "dump-config", PYTHONPATH=dependencies)
+    assert "distance_m" in config
