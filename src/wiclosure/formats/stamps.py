@@ -1,0 +1,58 @@
+"""Decimal seconds as exact integer nanoseconds, and back: nanoseconds since 1970 do not fit a float64."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from decimal import Decimal, InvalidOperation
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure.types import IntArray
+
+_PLAIN = np.zeros(256, bool)
+_PLAIN[[0, *b"0123456789."]] = True
+_LARGEST_NS = 2**63 - 1
+
+
+def nanoseconds(seconds: str) -> int:
+    """Exact nanoseconds of one decimal number of seconds, rounded half to even beyond nine decimals.
+
+    Raises:
+        ValueError: not a finite number, or too large for 64 bits.
+    """
+    try:
+        value = Decimal(seconds)
+    except InvalidOperation:
+        raise ValueError(f"{seconds!r} is not a number") from None
+    if not value.is_finite():
+        raise ValueError(f"{seconds!r} is not finite")
+    scaled = round(value.scaleb(9))
+    if abs(scaled) > _LARGEST_NS:
+        raise ValueError(f"{seconds!r} is too large for a time in seconds")
+    return scaled
+
+
+def nanoseconds_of_column(seconds: NDArray[np.bytes_]) -> IntArray:
+    """Exact nanoseconds `(N,)` of a column of decimal seconds, as bytes.
+
+    Plain decimals (`12.300000000`) are parsed for all rows at once; exponents and signs take the slow way.
+
+    Raises:
+        ValueError: some row is not a finite number, or too large.
+    """
+    characters = np.ascontiguousarray(seconds).view(np.uint8).reshape(len(seconds), -1)
+    whole, _, fraction = np.strings.partition(seconds, b".")
+    if not _PLAIN[characters].all() or (np.strings.str_len(whole) == 0).any() or whole.dtype.itemsize == 0:
+        return np.array([nanoseconds(row.decode()) for row in seconds], np.int64)
+    if len(whole) and np.strings.str_len(whole).max() > 9 + 1:  # beyond the year 2286: let the slow way judge
+        return np.array([nanoseconds(row.decode()) for row in seconds], np.int64)
+    if (np.strings.find(fraction, b".") >= 0).any():
+        raise ValueError("a number with two decimal points")
+    ten_digits = np.strings.ljust(fraction.astype("S10"), 10, b"0").astype(np.int64)
+    return np.asarray(whole.astype(np.int64) * 10**9 + (ten_digits + 5) // 10)
+
+
+def seconds_text(stamps_ns: Iterable[int]) -> list[str]:
+    """Each stamp as decimal seconds with nine decimals; nothing is lost."""
+    return [f"{'-' if ns < 0 else ''}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}" for ns in stamps_ns]

@@ -1,0 +1,139 @@
+"""Trajectories as TUM text: `stamp x y z qx qy qz qw` a line, `#` starts a comment."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from itertools import islice
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.drift import DriftModel
+from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
+from wiclosure.types import FloatArray, Trajectory
+
+logger = logging.getLogger(__name__)
+
+COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+_ROW = np.dtype([("stamp", "S48"), ("pose", np.float64, (7,))])
+_UNIT_TOLERANCE = 0.01  # quaternions printed with three decimals stay within this of length one
+
+
+def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
+    """The trajectory in a TUM file; stamps become exact integer nanoseconds.
+
+    Args:
+        path: text file, columns `stamp x y z qx qy qz qw` (seconds, metres), separated by white space.
+        robot: name that the trajectory carries.
+        drift: drift model that the trajectory carries.
+
+    Raises:
+        InputError: the file cannot be read, or a line is malformed, not finite, repeats a stamp or goes back in time.
+    """
+    path = Path(path)
+    rows = _load_rows(path)
+    try:
+        stamps_ns = nanoseconds_of_column(rows["stamp"])
+    except ValueError:
+        _explain(path)
+    pose = rows["pose"]
+    norm = np.linalg.norm(pose[:, 3:], axis=1)
+    if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) <= 0).any():
+        _explain(path)
+    if (np.abs(norm - 1) > _UNIT_TOLERANCE).any():
+        logger.warning("%s: quaternions are not of length one (worst %.3f); normalised", path, norm[_worst(norm)])
+    rotation = Rotation.from_quat(pose[:, 3:]).as_matrix()
+    poses = se3.from_rotation_translation(rotation, pose[:, :3])
+    return Trajectory(robot, stamps_ns, poses, drift or DriftModel())
+
+
+def write_tum(path: Path | str, trajectory: Trajectory) -> None:
+    """Writes a trajectory as TUM text: stamps exact to the nanosecond, numbers with all their digits.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    quat_xyzw = Rotation.from_matrix(trajectory.poses[:, :3, :3]).as_quat()
+    numbers = np.column_stack([trajectory.positions, quat_xyzw]).tolist()
+    stamps = seconds_text(trajectory.stamps_ns.tolist())
+    lines = (f"{stamp} {' '.join(map(repr, row))}\n" for stamp, row in zip(stamps, numbers, strict=True))
+    try:
+        with Path(path).open("w", encoding="utf-8") as file:
+            file.write(f"# {' '.join(COLUMNS)}\n")
+            file.writelines(lines)
+    except OSError as error:
+        raise OutputError(f"cannot write the trajectory {path}: {error.strerror}; choose another place") from error
+
+
+def _load_rows(path: Path) -> NDArray[np.void]:
+    """All rows `(N,)`, stamps still as text."""
+    try:
+        with warnings.catch_warnings(), path.open(encoding="utf-8-sig") as file:
+            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+            rows = np.loadtxt(file, dtype=_ROW, comments="#", ndmin=1)
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not text; a trajectory is a TUM file: {' '.join(COLUMNS)} a line") from None
+    except OSError as error:
+        raise InputError(f"cannot read the trajectory {path}: {error.strerror}; check the path") from error
+    except ValueError:
+        _explain(path)
+    if len(rows) == 0:
+        raise InputError(f"{path} holds no poses; a trajectory is a TUM file: {' '.join(COLUMNS)} a line")
+    return np.asarray(rows)
+
+
+def _explain(path: Path) -> NoReturn:
+    """Finds the first bad line and says what is wrong with it; slow, only taken when something is."""
+    previous_ns, previous_line = None, 0
+    with path.open(encoding="utf-8-sig") as file:
+        for line, text in enumerate(file, start=1):
+            words = text.partition("#")[0].split()
+            if not words:
+                continue
+            stamp_ns = _check_line(f"{path}, line {line}", words)
+            if previous_ns is not None and stamp_ns == previous_ns:
+                raise InputError(
+                    f"{path}, line {line}: stamp {words[0]} repeats line {previous_line}; drop one of them"
+                )
+            if previous_ns is not None and stamp_ns < previous_ns:
+                raise InputError(
+                    f"{path}, line {line}: stamp {words[0]} is before that of line {previous_line};"
+                    " sort the file by its first column"
+                )
+            previous_ns, previous_line = stamp_ns, line
+    raise InputError(f"{path} is not a TUM trajectory: expected {' '.join(COLUMNS)} on each line")
+
+
+def _check_line(place: str, words: list[str]) -> int:
+    """The stamp of one line in nanoseconds."""
+    if len(words) != len(COLUMNS):
+        hint = " separated by spaces" if "," in "".join(words) else ""
+        raise InputError(f"{place}: expected 8 numbers ({' '.join(COLUMNS)}){hint}, found {len(words)}")
+    try:
+        stamp_ns = nanoseconds(words[0])
+    except ValueError as error:
+        raise InputError(f"{place}: stamp {error}; expected seconds") from None
+    numbers = np.array([_number(place, name, word) for name, word in islice(zip(COLUMNS, words, strict=True), 1, None)])
+    if np.linalg.norm(numbers[3:]) < 1e-9:
+        raise InputError(f"{place}: the quaternion is zero; expected qx qy qz qw of length one (no rotation: 0 0 0 1)")
+    return stamp_ns
+
+
+def _number(place: str, name: str, word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        raise InputError(f"{place}: {name} is {word!r}; expected a number") from None
+    if not np.isfinite(value):
+        raise InputError(f"{place}: {name} is {word}; expected a finite number (drop the line if the pose is unknown)")
+    return value
+
+
+def _worst(norm: FloatArray) -> int:
+    return int(np.argmax(np.abs(norm - 1)))

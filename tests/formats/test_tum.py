@@ -1,0 +1,120 @@
+"""TUM trajectories: round trip, exact stamps, and errors that name the line."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
+from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.types import Trajectory
+
+
+def random_trajectory(count: int, start_ns: int = 1317042272_123456789) -> Trajectory:
+    rng = np.random.default_rng(3)
+    stamps_ns = start_ns + np.cumsum(rng.integers(1, 10**9, count))
+    rotation = Rotation.random(count, rng=rng).as_matrix()
+    return Trajectory("alpha", stamps_ns, se3.from_rotation_translation(rotation, rng.normal(0, 1e3, (count, 3))))
+
+
+def test_round_trip_keeps_every_nanosecond_and_every_digit(tmp_path: Path) -> None:
+    trajectory = random_trajectory(200)
+    write_tum(tmp_path / "a.tum", trajectory)
+    read = read_tum(tmp_path / "a.tum", "alpha")
+    assert read.robot == "alpha"
+    np.testing.assert_array_equal(read.stamps_ns, trajectory.stamps_ns)
+    np.testing.assert_array_equal(read.positions, trajectory.positions)
+    np.testing.assert_allclose(read.poses, trajectory.poses, atol=1e-14)
+
+
+def test_stamps_before_zero_survive(tmp_path: Path) -> None:
+    trajectory = random_trajectory(5, start_ns=-(10**10) - 7)
+    write_tum(tmp_path / "a.tum", trajectory)
+    np.testing.assert_array_equal(read_tum(tmp_path / "a.tum", "a").stamps_ns, trajectory.stamps_ns)
+
+
+@given(st.lists(st.integers(0, 9_999_999_999_999_999_999 // 1000), min_size=1, max_size=30))
+@settings(deadline=None)
+def test_stamp_text_is_exact(stamps_ns: list[int]) -> None:
+    text = seconds_text(stamps_ns)
+    assert [nanoseconds(t) for t in text] == stamps_ns
+    assert nanoseconds_of_column(np.array(text, "S48")).tolist() == stamps_ns
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("1e3", 10**12), ("1.3170422720000000e+09", 1317042272 * 10**9), ("5", 5 * 10**9), ("5.", 5 * 10**9),
+     (".5", 5 * 10**8), ("-0.5", -5 * 10**8), ("0.0000000019", 2), ("0.12345678949", 123456789)],
+)  # fmt: skip
+def test_stamps_are_read_in_every_notation(text: str, expected: int) -> None:
+    assert nanoseconds(text) == expected
+    assert nanoseconds_of_column(np.array([text], "S48")).tolist() == [expected]
+
+
+def test_comments_blank_lines_and_unnormalised_quaternions_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a.tum").write_text("# header\n\n1.5 1 2 3 0 0 0 2\n  # more\n2.5 1 2 4 0 0 0 1 # end\n")
+    read = read_tum(tmp_path / "a.tum", "a")
+    assert read.stamps_ns.tolist() == [1_500_000_000, 2_500_000_000]
+    np.testing.assert_allclose(read.poses[0, :3, :3], np.eye(3))
+
+
+GOOD = "1.0 0 0 0 0 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        (GOOD + "# c\n2.0 0 0 0 0 0 0\n", 3, "expected 8 numbers"),
+        (GOOD + "2.0,0,0,0,0,0,0,1\n", 2, "separated by spaces"),
+        (GOOD + "2.0 0 0 0 0 0 0 1 9\n", 2, "found 9"),
+        (GOOD + "2.0 0 x 0 0 0 0 1\n", 2, "y is 'x'"),
+        (GOOD + "two 0 0 0 0 0 0 1\n", 2, "'two' is not a number"),
+        (GOOD + "1.2.3 0 0 0 0 0 0 1\n", 2, "'1.2.3' is not a number"),
+        (GOOD + "nan 0 0 0 0 0 0 1\n", 2, "not finite"),
+        (GOOD + "9e99 0 0 0 0 0 0 1\n", 2, "too large"),
+        (GOOD + "2.0 0 0 nan 0 0 0 1\n", 2, "z is nan"),
+        (GOOD + "2.0 0 0 inf 0 0 0 1\n", 2, "z is inf"),
+        (GOOD + "2.0 0 0 0 0 0 0 0\n", 2, "quaternion is zero"),
+        (GOOD + "2.0 0 0 0 0 0 0 1\n1.5 0 0 0 0 0 0 1\n", 3, "before that of line 2"),
+        (GOOD + "2.0 0 0 0 0 0 0 1\n2.000 0 0 0 0 0 0 1\n", 3, "repeats line 2"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path: Path, text: str, line: int, says: str) -> None:
+    (tmp_path / "bad.tum").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_tum(tmp_path / "bad.tum", "a")
+    assert f"bad.tum, line {line}:" in str(caught.value)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"# only a comment\n", b"\xff\xfe\x00\x80"])
+def test_a_file_without_poses_is_named(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "none.tum").write_bytes(content)
+    with pytest.raises(InputError, match=r"none\.tum"):
+        read_tum(tmp_path / "none.tum", "a")
+
+
+def test_missing_file_and_unwritable_place_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"gone\.tum"):
+        read_tum(tmp_path / "gone.tum", "a")
+    with pytest.raises(OutputError, match="nowhere"):
+        write_tum(tmp_path / "nowhere" / "a.tum", random_trajectory(2))
+
+
+@pytest.mark.slow
+def test_a_million_lines_are_quick(tmp_path: Path) -> None:
+    trajectory = random_trajectory(1_000_000, start_ns=0)
+    write_tum(tmp_path / "long.tum", trajectory)
+    started = time.perf_counter()
+    read = read_tum(tmp_path / "long.tum", "a")
+    assert time.perf_counter() - started < 15
+    np.testing.assert_array_equal(read.stamps_ns, trajectory.stamps_ns)
