@@ -7,6 +7,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -184,9 +185,8 @@ class AoaPath:
     elevation: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("azimuth", "sigma", "weight"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(f"path {name} is {getattr(self, name)}; it must be finite")
+        if not (math.isfinite(self.azimuth) and math.isfinite(self.sigma) and math.isfinite(self.weight)):
+            raise InputError(f"path {self} holds a number that is not finite")
         if self.sigma <= 0:
             raise InputError(f"path sigma is {self.sigma}; it must be > 0 (radians)")
         if self.weight < 0:
@@ -230,15 +230,15 @@ class WirelessMeasurement:
         if self.range_m is None and not self.paths:
             raise InputError("wireless measurement without range and without paths")
         if self.range_m is not None:
-            if not (np.isfinite(self.range_m) and self.range_m >= 0):
+            if not (math.isfinite(self.range_m) and self.range_m >= 0):
                 raise InputError(f"range is {self.range_m}; it must be a number >= 0 (metres)")
-            if self.range_sigma_m is None or not (np.isfinite(self.range_sigma_m) and self.range_sigma_m > 0):
+            if self.range_sigma_m is None or not (math.isfinite(self.range_sigma_m) and self.range_sigma_m > 0):
                 raise InputError(f"range_sigma is {self.range_sigma_m}; it must be a number > 0 (metres)")
         if self.aoa_frame not in {"body", "odometry", "world"}:
             raise InputError(f"aoa_frame is {self.aoa_frame!r}; expected body, odometry or world")
         for name in ("lever_arm_receiver", "lever_arm_transmitter"):
             arm = getattr(self, name)
-            if len(arm) != 3 or not np.isfinite(arm).all():
+            if len(arm) != 3 or not all(map(math.isfinite, arm)):
                 raise InputError(f"{name} is {arm}; expected three finite numbers (metres)")
 
 

@@ -28,6 +28,7 @@ logger = logging.getLogger(__name__)
 
 MAX_STAMP_S = 9_000_000_000  # nanoseconds beyond this do not fit 64 bits
 DEFAULT_RANGE_SIGMA_M = 0.5  # of a range without `range_sigma`: UWB between moving robots
+_NUMBERS = (Decimal, int, float)
 _LARGEST_ANGLE_RAD = 2 * math.pi + 1e-6
 
 _Record: TypeAlias = Mapping[str, Any]
@@ -118,6 +119,8 @@ _KEYS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {  # required, opti
 
 def _check_keys(record: _Record, kind: str) -> None:
     required, optional = _KEYS[kind]
+    if required <= record.keys() <= required | optional:
+        return
     missing = sorted(required - record.keys())
     if missing:
         raise InputError(f'{kind} record without "{missing[0]}"; add it')
@@ -185,7 +188,7 @@ def _optional(record: _Record, key: str, read: Callable[[_Record, str], _Value])
 def _number(record: _Record, key: str) -> float:
     """A finite number; NaN and Infinity, which Python's JSON lets through, are not."""
     value = record[key]
-    if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
+    if type(value) not in _NUMBERS:  # type(): a boolean is an integer too, but no number
         raise InputError(f'"{key}" is {_shown(value)}; expected a number')
     try:
         number = float(value)
