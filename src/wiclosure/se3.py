@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+from scipy.spatial.transform import RigidTransform, Rotation
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -132,5 +132,7 @@ def interpolate(stamps_ns: NDArray[np.int64], poses: FloatArray, at_ns: NDArray[
     translation = (1 - fraction) * poses[lower, :3, 3] + fraction * poses[upper, :3, 3]
     if len(at) == 0:
         return np.zeros((0, 4, 4))
-    rotation = Slerp(seconds, Rotation.from_matrix(poses[:, :3, :3]))(at).as_matrix()
+    start = Rotation.from_matrix(poses[lower, :3, :3])  # only the poses in question: trajectories may be long
+    turn = start.inv() * Rotation.from_matrix(poses[upper, :3, :3])
+    rotation = (start * Rotation.from_rotvec(fraction * turn.as_rotvec())).as_matrix()
     return from_rotation_translation(rotation, translation)
