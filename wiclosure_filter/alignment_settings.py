@@ -1,0 +1,79 @@
+"""Settings of frame alignment: what is believed of the radio, how hard to search, when to say "I cannot tell"."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from wiclosure.settings import Settings
+
+
+class RadioSettings(Settings):
+    """What is believed of ranges and bearings beyond the sigma that each measurement brings."""
+
+    direct_path_absent: float = Field(
+        0.15, ge=0.0, lt=1.0, description="probability that no reported path is the direct one; 0.15 in WSR data sets"
+    )
+    range_outlier: float = Field(0.05, ge=0.0, lt=1.0, description="probability of a gross range error")
+    range_biased: float = Field(
+        0.15, ge=0.0, lt=1.0, description="probability of a range through an obstacle, longer than the distance"
+    )
+    range_bias_m: float = Field(1.0, ge=0.0, description="m, mean and spread of that excess")
+    range_reach_m: float = Field(200.0, gt=0.0, description="m, gross range errors spread this far")
+    static_radius_m: float = Field(
+        1.0,
+        ge=0.0,
+        description="m; measurements between antennas that moved less see one multipath situation, not many",
+    )
+    max_paths: int = Field(16, ge=1, description="strongest paths of a measurement that are considered")
+    range_partner_s: float = Field(
+        1.0, ge=0.0, description="s; a bearing without range borrows one measured within this time for its proposals"
+    )
+
+
+class AlignmentSettings(Settings):
+    """How two odometry frames are aligned from what the robots heard of each other."""
+
+    radio: RadioSettings = RadioSettings()
+    heading: Literal["auto", "heading", "reciprocal", "one-way", "range-only"] = Field(
+        "auto", description="knowledge of relative heading; auto takes the strongest that the log holds"
+    )
+    multipath: Literal["consensus", "pcm"] = Field(
+        "consensus",
+        description="consensus scores frame transforms against all measurements; pcm is the paper's pairwise method",
+    )
+    gravity_aligned: bool = Field(
+        True, description="true: odometry z points up, yaw and translation are sought; false: all of SE(3)"
+    )
+    stamp_tolerance_s: float = Field(
+        1.0, ge=0.0, description="s; measurements further outside a trajectory's time are left out and counted"
+    )
+    reciprocal_tolerance_s: float = Field(
+        1.0, ge=0.0, description="s between the two directions of a reciprocal bearing"
+    )
+    heading_tolerance_s: float = Field(5.0, ge=0.0, description="s between a measurement and the headings used with it")
+    height_sigma_m: float = Field(
+        10.0, gt=0.0, description="m; prior on the difference in height of robots that the radio does not tell"
+    )
+    tilt_sigma_rad: float = Field(
+        0.3, gt=0.0, description="rad; prior on roll and pitch between the frames, where gravity_aligned is false"
+    )
+    drift_inflation: float = Field(
+        1.5, gt=0.0, description="factor on the odometry's standard deviations, since drift models are optimistic"
+    )
+    proposals: int = Field(12_000, ge=100, description="frame transforms that are scored, at most")
+    pcm_confidence: float = Field(
+        0.95, gt=0.0, lt=1.0, description="quantile of chi-square below which a pair of links is consistent"
+    )
+    max_pcm_links: int = Field(600, ge=2, description="links in the consistency graph; the most certain are kept")
+    min_independent_links: int = Field(
+        2, ge=1, description="kept links from different places below which an alignment is not certain"
+    )
+    min_runner_up_ratio: float = Field(
+        30.0, gt=1.0, description="odds against the best different alignment below which the best is not certain"
+    )
+    max_yaw_sigma_rad: float = Field(0.5, gt=0.0, description="rad; beyond it the alignment prunes nothing useful")
+    max_position_sigma_m: float = Field(
+        30.0, gt=0.0, description="m, at the other robot's trajectory where links are; beyond it nothing is pruned"
+    )
