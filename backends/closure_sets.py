@@ -1,0 +1,139 @@
+"""Closures as arrays: brought into one direction, checked, and grouped by pairs of robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.config import ClosureNoise
+from wiclosure.errors import InputError
+from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId, Trajectory
+
+LIVE = (Decision.VERIFIED, Decision.ACCEPTED)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureSet:
+    """The closures between two robots, all from the first to the second (or within one: from early to late).
+
+    Args:
+        robot_a, robot_b: the robots; the same name twice for closures within one robot.
+        rows: `(N,)` positions in the list that the closures came from.
+        index_a, index_b: `(N,)` keyframe indices.
+        T_a_b: `(N, 4, 4)` measured pose of b's body in a's body.
+        covariance: `(N, 6, 6)` of `T_a_b`, noise floor included.
+    """
+
+    robot_a: str
+    robot_b: str
+    rows: IntArray
+    index_a: IntArray
+    index_b: IntArray
+    T_a_b: FloatArray
+    covariance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def name(self) -> str:
+        """For the user: `alpha and beta`, or `alpha with itself`."""
+        same = self.robot_a == self.robot_b
+        return f"{self.robot_a} with itself" if same else f"{self.robot_a} and {self.robot_b}"
+
+    @property
+    def between_robots(self) -> bool:
+        """False for closures within one robot."""
+        return self.robot_a != self.robot_b
+
+    def subset(self, kept: IntArray) -> Self:
+        """The closures at `kept`, boolean or indices."""
+        return type(self)(
+            self.robot_a,
+            self.robot_b,
+            self.rows[kept],
+            self.index_a[kept],
+            self.index_b[kept],
+            self.T_a_b[kept],
+            self.covariance[kept],
+        )
+
+
+def closure_sets(
+    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], noise: ClosureNoise
+) -> tuple[list[ClosureSet], dict[int, str]]:
+    """Groups the verified and accepted closures by pairs of robots, in the order of the trajectories.
+
+    Returns:
+        The sets, and the reason for each row whose measurement cannot be used.
+
+    Raises:
+        InputError: a closure names a robot or a keyframe that the trajectories do not have.
+    """
+    order = {robot: rank for rank, robot in enumerate(trajectories)}
+    rows: dict[tuple[int, int], list[int]] = {}
+    unusable: dict[int, str] = {}
+    for row, closure in enumerate(closures):
+        if closure.decision not in LIVE:
+            continue
+        for end in (closure.query, closure.match):
+            _check_keyframe(end, trajectories)
+        if reason := _defect(closure):
+            unusable[row] = reason
+            continue
+        a, b = sorted((order[closure.query.robot], order[closure.match.robot]))
+        rows.setdefault((a, b), []).append(row)
+    robots = list(trajectories)
+    return [_stacked(robots[a], robots[b], rows[a, b], closures, noise) for a, b in sorted(rows)], unusable
+
+
+def decided(closures: Sequence[Closure], decisions: Mapping[int, tuple[Decision, str]]) -> list[Closure]:
+    """The closures in their order, with the decisions and reasons given for some rows."""
+    result = list(closures)
+    for row, (decision, reason) in decisions.items():
+        result[row] = replace(result[row], decision=decision, reason=reason)
+    return result
+
+
+def _check_keyframe(key: KeyframeId, trajectories: Mapping[str, Trajectory]) -> None:
+    if key.robot not in trajectories:
+        raise InputError(
+            f"closure of unknown robot {key.robot!r}; trajectories are given for {', '.join(trajectories)}"
+        )
+    if not 0 <= key.index < len(trajectories[key.robot]):
+        raise InputError(
+            f"closure of keyframe {key.index} of {key.robot}, which has {len(trajectories[key.robot])} keyframes;"
+            " pass the keyframe trajectories that the closures were made from"
+        )
+
+
+def _defect(closure: Closure) -> str:
+    """Why a measurement cannot be used; empty if it can."""
+    if closure.query == closure.match:
+        return "closes a keyframe on itself"
+    if not np.isfinite(closure.T_query_match).all():
+        return "its transform is not finite"
+    if not np.isfinite(closure.covariance).all():
+        return "its covariance is not finite"
+    if np.linalg.eigvalsh(closure.covariance)[0] < 0:
+        return "its covariance is not positive"
+    return ""
+
+
+def _stacked(
+    robot_a: str, robot_b: str, rows: list[int], closures: Sequence[Closure], noise: ClosureNoise
+) -> ClosureSet:
+    chosen = [closures[row] for row in rows]
+    query, match = np.array([[c.query.index, c.match.index] for c in chosen], dtype=np.int64).T
+    T = np.stack([c.T_query_match for c in chosen]).astype(float)
+    covariance = np.stack([c.covariance for c in chosen]).astype(float)
+    covariance = covariance + np.diag(np.repeat([noise.rotation_rad**2, noise.translation_m**2], 3))
+    turned = query > match if robot_a == robot_b else np.array([c.query.robot != robot_a for c in chosen])
+    covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
+    T[turned] = se3.inverse(T[turned])
+    index_a, index_b = np.where(turned, match, query), np.where(turned, query, match)
+    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance)

@@ -1,0 +1,118 @@
+"""Settings of the back end: which closures are believed, how the graph is solved, how fine the map is."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from wiclosure.settings import Settings
+
+
+class ClosureNoise(Settings):
+    """What a registration's own covariance leaves out."""
+
+    translation_m: float = Field(
+        0.05,
+        gt=0,
+        description="m; added in quadrature to each axis of a closure's translation. A registration's covariance counts"
+        " matched points as independent and is some ten times too small; what is left out is the scan's own distortion",
+    )
+    rotation_rad: float = Field(
+        0.005,
+        gt=0,
+        description="rad; added in quadrature to each axis of a closure's rotation, for the same reason (0.3 degrees)",
+    )
+
+
+class PcmSettings(Settings):
+    """Pairwise consistency maximisation (Mangelson et al. 2018)."""
+
+    metric: Literal["mahalanobis", "unit"] = Field(
+        "mahalanobis",
+        description="mahalanobis: the cycle's error is weighed by the covariances of both closures and both odometry"
+        " segments. unit: plain norm of the tangent vector, rad and m mixed, as in DiSCo-SLAM",
+    )
+    cycle: Literal["corrected", "legacy"] = Field(
+        "corrected",
+        description="legacy: DiSCo-SLAM's cycle, which takes a stored source-to-target transform for target-to-source"
+        " and is not zero for perfect closures; only to reproduce its results",
+    )
+    probability: float = Field(
+        0.99,
+        gt=0,
+        lt=1,
+        description="share of pairs of true closures that pass: the chi-square quantile with 6 degrees of freedom",
+    )
+    unit_threshold: float = Field(
+        5.0, gt=0, description="norm below which a cycle is consistent, metric unit only; DiSCo-SLAM has 20 to 100"
+    )
+    start_threshold: int = Field(
+        1, ge=1, description="closures of a robot pair below which none is believed; DiSCo-SLAM has 5, or 2 if harsh"
+    )
+    min_clique_size: int = Field(
+        2,
+        ge=1,
+        description="closures that must agree. One alone cannot be checked; a place that is truly shared is seen from"
+        " several keyframes, and a lone closure is mostly a poor one",
+    )
+    guard: bool = Field(
+        True,
+        description="refuse a largest set that chance explains (see `chance`) or that has a rival as large; without it"
+        " the first largest set is believed, as in DiSCo-SLAM",
+    )
+    chance: float = Field(
+        0.001,
+        gt=0,
+        lt=1,
+        description="chance that two unrelated false closures agree (0.0003 measured on street scenes, with a margin);"
+        " the set must be larger than chance makes it among so many closures: 2 of up to 10, 3 of up to 400",
+    )
+    time_budget_s: float = Field(
+        5.0, gt=0, description="s for each pair of robots; then the largest set found so far is used and reported so"
+    )
+    noise: ClosureNoise = ClosureNoise()
+
+    @model_validator(mode="after")
+    def _legacy_has_no_covariance(self) -> Self:
+        if self.cycle == "legacy" and self.metric == "mahalanobis":
+            raise ValueError("cycle: legacy has no covariance of its own; set metric: unit with it")
+        return self
+
+
+class PoseGraphSettings(Settings):
+    """The estimate over the keyframes of all robots."""
+
+    optimiser: Literal["joint", "two-stage"] = Field(
+        "joint",
+        description="joint: all keyframes of all robots in one graph. two-stage: one rigid transform for each pair of"
+        " robots, then a graph of robots, as in DiSCo-SLAM; odometry drift stays in",
+    )
+    robust: Literal["gnc", "cauchy", "none"] = Field(
+        "gnc",
+        description="gnc: graduated non-convexity with truncated least squares, needs no good start and decides on each"
+        " closure (Yang et al. 2020). cauchy: a fixed kernel. none: every closure counts in full",
+    )
+    probability: float = Field(
+        0.99,
+        gt=0,
+        lt=1,
+        description="share of true closures that the graph keeps: chi-square quantile, 6 degrees of freedom, on a"
+        " closure's own residual",
+    )
+    noise: ClosureNoise = ClosureNoise()
+
+
+class MapSettings(Settings):
+    """The merged map."""
+
+    voxel_size_m: float = Field(0.2, gt=0, description="m; one point a voxel: fine enough for poles and kerbs")
+
+
+class BackendSettings(Settings):
+    """All of the back end."""
+
+    use_pcm: bool = Field(True, description="check closures pairwise before the graph sees them")
+    pcm: PcmSettings = PcmSettings()
+    graph: PoseGraphSettings = PoseGraphSettings()
+    map: MapSettings = MapSettings()

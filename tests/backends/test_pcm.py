@@ -1,0 +1,262 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import closure_sets
+from wiclosure.backends.config import ClosureNoise, PcmSettings
+from wiclosure.backends.pcm import chance_sets, consistency_matrix, cycle_error, cycle_mahalanobis_squared, pcm
+from wiclosure.errors import InputError
+from wiclosure.types import Decision, Trajectory
+
+EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_closures(team, n, rng, *, noise=None):
+    pairs = rng.integers(0, 60, (n, 2))
+    return [team.closure(("alpha", int(a)), ("beta", int(b)), noise=noise) for a, b in pairs]
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS)
+def test_perfect_closures_make_zero_residuals_and_one_full_clique(team_maker, seed):
+    team, rng = team_maker(seed), np.random.default_rng(seed)
+    closures = random_closures(team, 8, rng)
+    (z,), _ = closure_sets(closures, team.odometry, EXACT)
+    first, second = np.triu_indices(8, 1)
+    assert np.abs(cycle_error(z, team.odometry, first, second)).max() < 1e-5
+    assert pcm(closures, team.odometry, PcmSettings()).pairs[0].kept == 8
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS)
+def test_consistency_does_not_depend_on_the_odometry_frames(team_maker, seed):
+    team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+    closures = random_closures(team, 10, rng, noise=rng)
+    moved = {r: t.moved(se3.from_yaw(rng.uniform(-3, 3), rng.normal(size=3) * 100.0)) for r, t in team.odometry.items()}
+    first, second = np.triu_indices(10, 1)
+    (z,), _ = closure_sets(closures, team.odometry, EXACT)
+    here, there = (cycle_mahalanobis_squared(z, t, first, second) for t in (team.odometry, moved))
+    np.testing.assert_allclose(here, there, rtol=1e-5, atol=1e-6)
+
+
+def test_the_direction_of_a_closure_does_not_matter(team_maker):
+    team, rng = team_maker(3, noise=1.0), np.random.default_rng(3)
+    closures = random_closures(team, 12, rng, noise=rng)
+    turned = [
+        replace(
+            c,
+            query=c.match,
+            match=c.query,
+            T_query_match=se3.inverse(c.T_query_match),
+            covariance=se3.inverse_covariance(c.T_query_match, c.covariance),
+        )
+        for c in closures
+    ]
+    matrices = []
+    for version in (closures, turned):
+        (z,), _ = closure_sets(version, team.odometry, EXACT)
+        matrices.append(consistency_matrix(z, team.odometry, PcmSettings()))
+    np.testing.assert_array_equal(*matrices)
+
+
+def test_cycle_errors_of_noisy_closures_have_the_variance_that_sigma_promises(team_maker):
+    squared = []
+    for seed in range(200):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        (z,), _ = closure_sets(random_closures(team, 2, rng, noise=rng), team.odometry, EXACT)
+        squared.append(cycle_mahalanobis_squared(z, team.odometry, np.array([0]), np.array([1]))[0])
+    # The mean of chi-square with 6 degrees of freedom is 6, that of 200 draws within 0.25 of it (one sigma).
+    assert 5.2 < np.mean(squared) < 6.8
+
+
+def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_maker):
+    team, rng = team_maker(1, noise=1.0), np.random.default_rng(1)
+    true = random_closures(team, 15, rng, noise=rng)
+    false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (60, 2))]
+    result = pcm(true + false, team.odometry, PcmSettings())
+    decisions = [c.decision for c in result.closures]
+    assert decisions[15:] == [Decision.REJECTED] * 60
+    assert decisions[:15].count(Decision.ACCEPTED) >= 14
+    assert "closures of the largest consistent set" in result.closures[20].reason
+    assert result.closures[0].evidence.consistent_with >= 10
+
+
+@pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
+def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
+    team, rng = team_maker(2), np.random.default_rng(2)
+    result = pcm(random_closures(team, count, rng), team.odometry, PcmSettings())
+    assert result.pairs[0].kept == kept
+    assert ("cannot be checked" in result.diagnosis[0]) == (count == 1)
+
+
+def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_maker):
+    team, rng = team_maker(4), np.random.default_rng(4)
+    shifted = [replace(c, T_query_match=np.asarray(c.T_query_match)) for c in random_closures(team, 5, rng)]
+    mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))  # beta's whole frame 30 m off, as a row of equal houses does
+    for n, c in enumerate(shifted):
+        query = team.truth["alpha"].poses[c.query.index]
+        match = mirror @ team.truth["beta"].poses[c.match.index]
+        shifted[n] = replace(c, T_query_match=se3.between(query, match))
+    closures = random_closures(team, 5, rng) + shifted
+    result = pcm(closures, team.odometry, PcmSettings())
+    assert result.pairs[0].rival == result.pairs[0].largest == 5
+    assert "ambiguous" in result.diagnosis[0]
+    assert all(c.decision is Decision.REJECTED for c in result.closures)
+    assert pcm(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
+
+
+def test_a_pair_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):
+    team, rng = team_maker(5), np.random.default_rng(5)
+    false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (40, 2))]
+    result = pcm(random_closures(team, 2, rng) + false, team.odometry, PcmSettings())
+    assert result.pairs[0].kept == 0
+    assert "chance" in result.diagnosis[0]
+
+
+def test_chance_allows_two_of_ten_and_three_of_four_hundred():
+    def lone_set(size, total):
+        members = np.arange(total) < size
+        consistent = members[:, None] & members & ~np.eye(total, dtype=bool)
+        return chance_sets(consistent, members, 0.001) <= 0.05
+
+    assert [lone_set(2, 10), lone_set(2, 11), lone_set(3, 400), lone_set(3, 5000)] == [True, False, True, False]
+
+
+def test_closures_within_one_robot_must_agree_with_its_odometry(team_maker):
+    team, rng = team_maker(6, ("alpha",), noise=1.0), np.random.default_rng(6)
+    true = team.closure(("alpha", 50), ("alpha", 3), noise=rng)
+    result = pcm([true, team.false_closure(("alpha", 40), ("alpha", 5), rng)], team.odometry, PcmSettings())
+    assert [c.decision for c in result.closures] == [Decision.ACCEPTED, Decision.REJECTED]
+    assert "own odometry" in result.closures[1].reason
+
+
+def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_maker):
+    team = team_maker(7)
+    good = [team.closure(("alpha", i), ("beta", i)) for i in (3, 20, 40)]
+    broken = [
+        replace(good[0], T_query_match=np.full((4, 4), np.nan)),
+        replace(good[0], covariance=np.full((6, 6), np.inf)),
+        replace(good[0], covariance=-np.eye(6)),
+        replace(good[0], match=good[0].query),
+    ]
+    result = pcm(good + broken, team.odometry, PcmSettings())
+    assert [c.reason for c in result.closures[3:]] == [
+        "its transform is not finite",
+        "its covariance is not finite",
+        "its covariance is not positive",
+        "closes a keyframe on itself",
+    ]
+    assert result.pairs[0].kept == 3
+
+
+def test_singular_covariances_are_usable(team_maker):
+    team = team_maker(7)
+    closures = [replace(team.closure(("alpha", i), ("beta", i)), covariance=np.zeros((6, 6))) for i in (3, 3, 40)]
+    assert pcm(closures, team.odometry, PcmSettings()).pairs[0].kept == 3
+
+
+def test_closures_of_other_stages_pass_unchanged(team_maker):
+    team = team_maker(8)
+    proposed = replace(team.closure(("alpha", 1), ("beta", 1)), decision=Decision.PROPOSED)
+    rejected = replace(proposed, decision=Decision.REJECTED, reason="too few points")
+    assert pcm([proposed, rejected], team.odometry, PcmSettings()).closures == (proposed, rejected)
+    assert pcm([], team.odometry, PcmSettings()).closures == ()
+
+
+def test_unknown_keyframes_are_named(team_maker):
+    team = team_maker(9)
+    closure = team.closure(("alpha", 59), ("beta", 1))
+    short = {r: t.subset(np.arange(10)) for r, t in team.odometry.items()}
+    with pytest.raises(InputError, match="keyframe 59 of alpha, which has 10 keyframes"):
+        pcm([closure], short, PcmSettings())
+    with pytest.raises(InputError, match="unknown robot 'alpha'"):
+        pcm([closure], {"beta": team.odometry["beta"]}, PcmSettings())
+
+
+class TestLegacyCycle:
+    """DiSCo-SLAM's cycle, kept to reproduce its results."""
+
+    def test_it_is_zero_only_for_transforms_that_are_their_own_inverse(self, team_maker):
+        team = team_maker(10)
+        there_and_back = [team.closure(("alpha", i), ("beta", i)) for i in range(0, 60, 10)]
+        line = se3.from_yaw(0.0, np.arange(60.0)[:, None] * [1.0, 0.0, 0.0])
+        opposite = se3.from_yaw(np.pi, line[:, :3, 3])
+        stamps = np.arange(60, dtype=np.int64)
+        odometry = {"alpha": Trajectory("alpha", stamps, line), "beta": Trajectory("beta", stamps, opposite)}
+        closures = [
+            replace(c, T_query_match=se3.between(line[i * 10], opposite[i * 10])) for i, c in enumerate(there_and_back)
+        ]
+        first, second = np.triu_indices(6, 1)
+        (z,), _ = closure_sets(closures, odometry, EXACT)
+        assert np.abs(cycle_error(z, odometry, first, second, legacy=True)).max() < 1e-5
+        (z,), _ = closure_sets(there_and_back, team.odometry, EXACT)
+        assert np.linalg.norm(cycle_error(z, team.odometry, first, second, legacy=True), axis=1).min() > 1.0
+        assert np.abs(cycle_error(z, team.odometry, first, second)).max() < 1e-5
+
+    def test_presets_of_disco_slam_accept_what_the_chi_square_test_does_not(self, team_maker):
+        team, rng = team_maker(11), np.random.default_rng(11)
+        false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (30, 2))]
+        loose = PcmSettings(metric="unit", cycle="legacy", unit_threshold=100.0, start_threshold=5, guard=False)
+        assert pcm(false, team.odometry, loose).pairs[0].kept >= 10
+        assert pcm(false, team.odometry, PcmSettings()).pairs[0].kept == 0
+
+    def test_start_threshold_waits_for_enough_closures(self, team_maker):
+        team = team_maker(12)
+        closures = [team.closure(("alpha", i), ("beta", i)) for i in range(4)]
+        result = pcm(closures, team.odometry, PcmSettings(metric="unit", start_threshold=5))
+        assert result.pairs[0].kept == 0
+        assert "start_threshold" in result.diagnosis[0]
+
+    def test_it_has_no_covariance(self):
+        with pytest.raises(ValidationError, match="set metric: unit"):
+            PcmSettings(cycle="legacy")
+
+
+class TestRecordedGraphs:
+    """Graphs of robust_distributed_mapper, clean and spoiled by false closures between the robots."""
+
+    def test_clean_graph_is_kept_whole(self, data_dir, g2o_loader):
+        graph = g2o_loader(data_dir / "pose_graphs/pcm_clean/example_2robots")
+        assert pcm(graph.closures, graph.odometry, PcmSettings(noise=EXACT)).pairs[0].kept == len(graph.closures) == 10
+
+    def test_spoiled_graph_loses_exactly_the_false_closures(self, data_dir, g2o_loader):
+        graph = g2o_loader(data_dir / "pose_graphs/pcm_spoiled/example_2robots")
+        accepted = [
+            c.decision is Decision.ACCEPTED for c in pcm(graph.closures, graph.odometry, PcmSettings()).closures
+        ]
+        assert accepted == [True] * 10 + [False] * 10  # the false ones were appended to the file
+
+    def test_blatant_outliers_of_the_simulated_swarm_are_never_accepted(self, data_dir, g2o_loader):
+        graph = g2o_loader(data_dir / "pose_graphs/argos_spoiled/example_2robots")
+        # The stated covariances are far too small for the closures' rotations: 0.01 rad for some 0.1.
+        result = pcm(
+            graph.closures, graph.odometry, PcmSettings(noise=ClosureNoise(translation_m=0.3, rotation_rad=0.1))
+        )
+        outliers = {27, 38}
+        accepted = {c.query.index for c in result.closures if c.decision is Decision.ACCEPTED}
+        assert len(accepted) >= 15
+        assert not accepted & outliers
+
+
+@pytest.mark.slow
+def test_a_thousand_closures_are_judged_in_seconds(team_maker):
+    team, rng = team_maker(13, n=400, noise=1.0), np.random.default_rng(13)
+    ends = rng.integers(0, 400, (1000, 2))
+    closures = [
+        team.closure(("alpha", int(a)), ("beta", int(b)), noise=rng)
+        if n < 600
+        else team.false_closure(("alpha", int(a)), ("beta", int(b)), rng)
+        for n, (a, b) in enumerate(ends)
+    ]
+    result = pcm(closures, team.odometry, PcmSettings())
+    accepted = np.array([c.decision is Decision.ACCEPTED for c in result.closures])
+    assert accepted[:600].mean() > 0.9
+    assert not accepted[600:].any()
