@@ -1,0 +1,93 @@
+"""What per-point times mean: unit and reference differ from driver to driver and are stated nowhere.
+
+**Unit.**  A sweep of a LiDAR lasts 0.02 to 1 s.  So the unit is the largest of s, ms, us, ns in which the sweep takes
+no longer than 1.5 s: neighbouring units differ a thousandfold, a sweep of 20 ms or more fits only one of them, and a
+first sweep of which only 2 % were recorded still does.  Absolute times of a dated recording tell their unit by their
+size alone.  The unit is decided on the first sweep and kept, until a later sweep would last longer than 1.5 s by it.
+
+**Reference.**  Times count from the header's stamp (which may be the sweep's start, middle or end: they may be
+negative) or from the epoch.  Whichever of zero and the stamp lies nearer to the sweep is the reference.  When neither
+is within 1.5 s, the sensor has a clock of its own (since power-on, TAI): the earliest point is put at the stamp.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure.types import FloatArray
+
+logger = logging.getLogger(__name__)
+
+LONGEST_SWEEP_S = 1.5
+_NS_PER_UNIT = (10**9, 10**6, 10**3, 1)  # s, ms, us, ns: the largest that fits is taken
+_DATED_S = 1e8  # stamps beyond 1973 are dates: absolute times are then told from relative ones by their size
+_OTHER_EPOCH_S = 100.0  # TAI and GPS clocks are 18 to 37 s off; the unit is still certain
+_RARE = 0.01  # share of points at either end that must not decide the unit
+
+
+class PointClock:
+    """Turns the per-point times of one recording into seconds after each header's stamp."""
+
+    def __init__(self) -> None:
+        self._ns_per_unit: int | None = None
+        self._warned = False
+
+    def seconds_after(self, stamp_ns: int, raw: NDArray[Any]) -> FloatArray | None:
+        """Times `(N,)` in seconds after `stamp_ns`, or None where they say nothing.
+
+        Args:
+            stamp_ns: the header's stamp.
+            raw: `(N,)` finite numbers of any type, as recorded.
+        """
+        values = raw.astype(np.float64 if raw.dtype.kind == "f" else np.int64)
+        if len(values) == 0:
+            return None
+        first, last = values.min(), values.max()
+        if first == last and self._ns_per_unit is None:
+            return None  # all at once, or a field that nobody filled
+        span = float(last - first)
+        if self._ns_per_unit is None or span * self._ns_per_unit > LONGEST_SWEEP_S * 1e9:
+            self._ns_per_unit = _decide_unit(values, stamp_ns)
+        if span * self._ns_per_unit > LONGEST_SWEEP_S * 1e9:
+            self._warn_once(span * self._ns_per_unit * 1e-9)
+            return None
+        return _relative(values, stamp_ns, first, last, self._ns_per_unit)
+
+    def _warn_once(self, span_s: float) -> None:
+        if not self._warned:
+            logger.warning("per-point times of one sweep span %.3g s; such sweeps are used without them", span_s)
+            self._warned = True
+
+
+def _decide_unit(values: NDArray[Any], stamp_ns: int) -> int:
+    """Nanoseconds per unit of the recorded times."""
+    low, middle, high = np.quantile(values, [_RARE, 0.5, 1 - _RARE], method="nearest")
+    if stamp_ns > _DATED_S * 1e9:
+        for ns_per_unit in _NS_PER_UNIT:
+            if abs(float(middle) * ns_per_unit - stamp_ns) < _OTHER_EPOCH_S * 1e9:
+                return ns_per_unit
+    span = float(high - low) or float(values.max() - values.min())
+    fitting = (ns for ns in _NS_PER_UNIT if span * ns <= LONGEST_SWEEP_S * 1e9)
+    return next(fitting, _NS_PER_UNIT[-1])
+
+
+def _relative(values: NDArray[Any], stamp_ns: int, first: Any, last: Any, ns_per_unit: int) -> FloatArray:
+    """Seconds after the stamp, by the nearer reference.
+
+    Integers stay integers until the difference is taken: nanoseconds since 1970 do not fit a float64.
+    """
+    unit_s = ns_per_unit * 1e-9
+    stamp = stamp_ns // ns_per_unit if values.dtype.kind == "i" else stamp_ns / ns_per_unit
+    beyond_zero = max(first, -last, 0) * unit_s
+    beyond_stamp = max(first - stamp, stamp - last, 0) * unit_s
+    if min(beyond_zero, beyond_stamp) > LONGEST_SWEEP_S:
+        return np.asarray((values - first) * unit_s)
+    if beyond_zero <= beyond_stamp:
+        return np.asarray(values * unit_s)
+    if values.dtype.kind == "i":
+        return np.asarray((values - stamp) * unit_s - (stamp_ns - stamp * ns_per_unit) * 1e-9)
+    return np.asarray((values - stamp) * unit_s)
