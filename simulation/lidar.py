@@ -1,0 +1,126 @@
+"""LiDAR models: beam tables, noise, and one sweep of rays from a moving sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure.errors import ConfigError
+from wiclosure.simulation.names import lookup
+from wiclosure.simulation.scene import Scene
+from wiclosure.types import Float32Array, FloatArray, IntArray, Scan
+
+
+@dataclass(frozen=True, eq=False)
+class LidarModel:
+    """A spinning LiDAR: all beams of a column fire at once, columns follow each other around the z axis.
+
+    Args:
+        name: for messages.
+        elevations_deg: of the beams, up from the horizontal plane.
+        columns: firings a turn.
+        rate_hz: turns a second.
+        min_range_m, max_range_m: nearer and farther returns are not reported.
+        range_sigma_m: standard deviation of a range.
+        dropout: share of returns lost, anywhere.
+        least_cosine: returns at a flatter incidence (cosine of the angle to the normal) are too weak at full range; the
+            limit falls with the square of the distance, as the echo's energy does.
+
+    Raises:
+        ConfigError: an impossible value.
+    """
+
+    name: str
+    elevations_deg: tuple[float, ...]
+    columns: int
+    rate_hz: float = 10.0
+    min_range_m: float = 0.5
+    max_range_m: float = 100.0
+    range_sigma_m: float = 0.02
+    dropout: float = 0.02
+    least_cosine: float = 0.15
+
+    def __post_init__(self) -> None:
+        if not self.range_sigma_m >= 0:
+            raise ConfigError(f"lidar range noise is {self.range_sigma_m} m; it must be >= 0")
+        if not 0 <= self.dropout < 1:
+            raise ConfigError(f"lidar drop-out is {self.dropout}; it must be a share >= 0 and < 1")
+        if not 0 <= self.min_range_m < self.max_range_m:
+            raise ConfigError(
+                f"lidar range is cut to {self.min_range_m}..{self.max_range_m} m; the end must lie beyond the start"
+            )
+        if not self.rate_hz > 0:
+            raise ConfigError(f"lidar rate is {self.rate_hz} Hz; it must be > 0")
+
+    @property
+    def period_ns(self) -> int:
+        """Time of one turn."""
+        return round(1e9 / self.rate_hz)
+
+    @cached_property
+    def directions(self) -> Float32Array:
+        """`(columns, beams, 3)` unit vectors in the sensor's axes; a turn starts behind and runs clockwise."""
+        azimuth = np.pi - 2 * np.pi * (np.arange(self.columns) + 0.5) / self.columns
+        elevation = np.deg2rad(self.elevations_deg)
+        out = np.empty((self.columns, len(elevation), 3), np.float32)
+        out[..., 0] = np.cos(azimuth)[:, None] * np.cos(elevation)
+        out[..., 1] = np.sin(azimuth)[:, None] * np.cos(elevation)
+        out[..., 2] = np.sin(elevation)
+        return out
+
+    @cached_property
+    def column_offsets_ns(self) -> IntArray:
+        """`(columns,)` time after the start of the turn at which each column fires."""
+        return np.round(np.arange(self.columns) * (self.period_ns / self.columns)).astype(np.int64)
+
+
+Motion = Callable[[IntArray], FloatArray]
+"""`T_world_sensor (N, 4, 4)` at stamps `(N,)`, nanoseconds."""
+
+
+def sweep(model: LidarModel, scene: Scene, motion: Motion, stamp_ns: int, rng: np.random.Generator) -> Scan:
+    """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time."""
+    T_world_sensor = motion(stamp_ns + model.column_offsets_ns).astype(np.float32)
+    rays = np.empty((model.columns, len(model.elevations_deg), 6), np.float32)
+    rays[..., :3] = T_world_sensor[:, None, :3, 3]
+    np.matmul(model.directions, np.swapaxes(T_world_sensor[:, :3, :3], 1, 2), out=rays[..., 3:])
+    true_m, cosine = scene.cast(rays.reshape(-1, 6))
+    range_m = true_m + np.float32(model.range_sigma_m) * rng.standard_normal(len(true_m), dtype=np.float32)
+    needed = model.least_cosine * (true_m / model.max_range_m) ** 2
+    seen = np.flatnonzero(
+        (range_m >= model.min_range_m)
+        & (range_m <= model.max_range_m)
+        & (cosine >= needed)
+        & (rng.random(len(true_m), dtype=np.float32) >= model.dropout)
+    )
+    points = model.directions.reshape(-1, 3)[seen] * range_m[seen, None]
+    times: FloatArray = model.column_offsets_ns[seen // len(model.elevations_deg)] / 1e9
+    return Scan(stamp_ns, points.astype(np.float64), times, cosine[seen])
+
+
+def _even(low_deg: float, high_deg: float, beams: int) -> tuple[float, ...]:
+    return tuple(np.linspace(low_deg, high_deg, beams).tolist())
+
+
+_VLP32_DEG = (
+    *(-25.0, -15.639, -11.31, -8.843, -7.254, -6.148, -5.333, -4.667, -4.0, -3.667, -3.333),
+    *(-3.0, -2.667, -2.333, -2.0, -1.667, -1.333, -1.0, -0.667, -0.333, 0.0, 0.333, 0.667),
+    *(1.0, 1.333, 1.667, 2.333, 3.333, 4.667, 7.0, 10.333, 15.0),
+)
+
+LIDARS: dict[str, LidarModel] = {
+    # Manufacturers' data sheets. HDL-64E: an upper block at 1/3 degree, a lower one at 1/2 degree.
+    "hdl64": LidarModel("hdl64", _even(-24.33, -8.83, 32) + _even(-8.33, 2.0, 32), 1800, max_range_m=120.0),
+    "vlp16": LidarModel("vlp16", _even(-15.0, 15.0, 16), 1800, max_range_m=100.0, range_sigma_m=0.03),
+    "vlp32": LidarModel("vlp32", _VLP32_DEG, 1800, max_range_m=200.0, range_sigma_m=0.03),
+    "os1-64": LidarModel("os1-64", _even(-22.5, 22.5, 64), 1024, max_range_m=90.0),
+    "generic-32": LidarModel("generic-32", _even(-25.0, 15.0, 32), 900, max_range_m=80.0),
+}
+
+
+def lidar_model(name: str) -> LidarModel:
+    """The LiDAR of that name; `ConfigError` with a suggestion when there is none."""
+    return lookup("lidar", name, LIDARS)

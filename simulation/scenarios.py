@@ -1,0 +1,131 @@
+"""The scenarios by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from wiclosure.errors import ConfigError
+from wiclosure.settings import Settings
+from wiclosure.simulation import demo_site
+from wiclosure.simulation.lidar import LidarModel, lidar_model
+from wiclosure.simulation.names import lookup
+from wiclosure.simulation.radio import RadioSettings
+from wiclosure.simulation.scenario import Scenario
+
+
+class ScenarioSettings(Settings):
+    """What can be chosen about a scenario; None leaves the scenario's own value."""
+
+    seed: int = Field(0, ge=0, description="of the scene's details and of all noise")
+    robots: int | None = Field(None, description="how many")
+    lidar: str | None = Field(None, description="model: hdl64, vlp16, vlp32, os1-64, generic-32")
+    lidar_max_range_m: float | None = Field(None, gt=0, description="m, cuts the LiDAR's range")
+    lidar_range_sigma_m: float | None = Field(None, ge=0, description="m, range noise")
+    lidar_dropout: float | None = Field(None, ge=0, lt=1, description="share of returns lost")
+    aliasing: float | None = Field(None, ge=0, le=1, description="0: every house or pillar is unique; 1: all are alike")
+    radio: RadioSettings | None = Field(None, description="how the radio behaves")
+    poses: Path | None = Field(None, description="KITTI poses file to build streets along (kitti08)")
+
+
+@dataclass(frozen=True)
+class ScenarioKind:
+    """One entry of the registry: what is built by default, and how.
+
+    Args:
+        summary: one line for the user.
+        robots: default and largest number.
+        lidar: model by default.
+        aliasing: by default.
+        radio: by default.
+        build: makes the scenario of the resolved choice.
+    """
+
+    summary: str
+    robots: tuple[int, int]
+    lidar: LidarModel
+    aliasing: float
+    radio: RadioSettings
+    build: Callable[[Choice], Scenario]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Everything settled that a builder needs."""
+
+    name: str
+    seed: int
+    robots: int
+    lidar: LidarModel
+    aliasing: float
+    radio: RadioSettings
+    poses: Path | None
+
+    def rng(self) -> np.random.Generator:
+        """Randomness for the scene, apart from that of the noise."""
+        return np.random.default_rng([self.seed, 0])
+
+
+def make_scenario(name: str, settings: ScenarioSettings | None = None) -> Scenario:
+    """The scenario of that name.
+
+    Raises:
+        ConfigError: unknown scenario or LiDAR (with a suggestion), or settings that make no sense.
+    """
+    kind = lookup("scenario", name, SCENARIOS)
+    settings = settings or ScenarioSettings.model_validate({})
+    robots = kind.robots[0] if settings.robots is None else settings.robots
+    if not 1 <= robots <= kind.robots[1]:
+        raise ConfigError(f"{robots} robots asked for; scenario {name} has room for 1 to {kind.robots[1]}")
+    return kind.build(
+        Choice(
+            name,
+            settings.seed,
+            robots,
+            _lidar(kind, settings),
+            _first(settings.aliasing, kind.aliasing),
+            settings.radio or kind.radio,
+            settings.poses,
+        )
+    )
+
+
+def _lidar(kind: ScenarioKind, settings: ScenarioSettings) -> LidarModel:
+    """The chosen model; another model keeps the scenario's rate and range cut."""
+    model = kind.lidar
+    if settings.lidar is not None:
+        wanted = lidar_model(settings.lidar)
+        cut_m = min(wanted.max_range_m, model.max_range_m)
+        model = replace(wanted, rate_hz=model.rate_hz, max_range_m=cut_m)
+    return replace(
+        model,
+        max_range_m=_first(settings.lidar_max_range_m, model.max_range_m),
+        range_sigma_m=_first(settings.lidar_range_sigma_m, model.range_sigma_m),
+        dropout=_first(settings.lidar_dropout, model.dropout),
+    )
+
+
+def _first(chosen: float | None, default: float) -> float:
+    return default if chosen is None else chosen
+
+
+def _demo_site(choice: Choice) -> Scenario:
+    scene = demo_site.scene(choice.rng(), choice.aliasing)
+    robots = demo_site.robots(scene, choice.robots)
+    return Scenario(choice.name, scene, robots, choice.lidar, choice.radio, choice.seed)
+
+
+SCENARIOS: dict[str, ScenarioKind] = {
+    "demo-site": ScenarioKind(
+        "two vehicles on a small works yard with two look-alike halls",
+        (2, 2),
+        demo_site.lidar(lidar_model("generic-32")),
+        1.0,
+        RadioSettings.model_validate({"every_m": 4.0, "range_sigma_m": 0.3, "false_paths": 3}),
+        _demo_site,
+    ),
+}
