@@ -1,0 +1,103 @@
+"""Settings of the front end: few numbers, the rest is derived from them or from the scans."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from wiclosure.settings import Settings
+
+
+class OdometrySettings(Settings):
+    """KISS-ICP, and which points it sees."""
+
+    max_range_m: float = Field(100.0, gt=0, description="m; points beyond are noise or the sky (KISS-ICP's default)")
+    min_range_m: float = Field(0.0, ge=0, description="m; raise it where the sensor sees its own carrier")
+    voxel_size_m: float | None = Field(
+        None, gt=0, description="m; none: from the extent of the first scan, 1 m on a street, 0.25 m in rooms"
+    )
+    deskew: bool = Field(True, description="undo the motion during the sweep, where points carry their times")
+    num_threads: int = Field(0, ge=0, description="0: all cores")
+
+    @model_validator(mode="after")
+    def _ranges_in_order(self) -> Self:
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(
+                f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}: no point would be left"
+            )
+        return self
+
+
+class KeyframeSettings(Settings):
+    """Which scans are remembered, and how much of them."""
+
+    distance_m: float = Field(1.0, gt=0, description="m moved since the last keyframe (as DiSCo-SLAM)")
+    rotation_rad: float = Field(0.2, gt=0, description="rad turned since the last keyframe (as DiSCo-SLAM)")
+    cloud_voxel_size_m: float | None = Field(
+        None, gt=0, description="m; none: half the odometry's voxel, what the finest step of registration can use"
+    )
+
+
+class ScanContextSettings(Settings):
+    """The place descriptor of Kim and Kim (IROS 2018); equal for all robots, otherwise they cannot be compared."""
+
+    rings: int = Field(20, ge=2, description="distance bins (paper: 20)")
+    sectors: int = Field(60, ge=4, description="direction bins (paper: 60, 6 degrees each)")
+    max_range_m: float = Field(80.0, gt=0, description="m; farther points are left out (paper: 80; 20-40 indoors)")
+    height_offset_m: float = Field(
+        2.0, ge=0, description="m added to heights, about the sensor's height, so that what lies below it counts"
+    )
+    min_points_per_bin: int = Field(1, ge=1, description="a bin with fewer is empty (DiSCo-SLAM: 5)")
+    ring_key: Literal["mean-height", "occupied-share"] = Field(
+        "mean-height", description="what is kept of a ring to search by (DiSCo-SLAM: occupied-share)"
+    )
+
+
+class MatchingSettings(Settings):
+    """Which candidate pairs are proposed to the registration."""
+
+    ring_key_neighbours: int = Field(50, ge=1, description="candidates a keyframe with the most similar ring keys")
+    candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
+    max_distance: float = Field(
+        0.3, gt=0, le=1, description="scan context distance; on streets unrelated scans lie about 0.5 apart"
+    )
+    max_distance_with_prediction: float = Field(
+        0.5,
+        gt=0,
+        le=1,
+        description="the same where the filter predicts the pose: then the descriptor ranks, the prediction decides",
+    )
+
+
+class RegistrationSettings(Settings):
+    """How a proposed closure is measured, and when it is believed."""
+
+    method: Literal["gicp", "point-to-point"] = Field("gicp", description="point-to-point: as DiSCo-SLAM")
+    voxel_size_m: float | None = Field(
+        None,
+        gt=0,
+        description="m, finest of three (times 4, 2, 1); none: from the extent of the clouds, 0.5 on a street",
+    )
+    yaw_hypotheses: int = Field(
+        6, ge=1, description="starting headings tried where nothing is predicted: scan context's yaw and turns of it"
+    )
+    min_inlier_ratio: float = Field(
+        0.5, ge=0, le=1, description="share of the smaller cloud, ground left out, that must lie on the other"
+    )
+    prior_probability: float = Field(
+        0.999, gt=0, lt=1, description="a measurement outside this chi-square interval of the prediction contradicts it"
+    )
+    max_fitness_m2: float = Field(
+        5.0, gt=0, description="m^2, mean squared distance accepted by point-to-point (DiSCo-SLAM: 3 park, 5 KITTI)"
+    )
+    num_threads: int = Field(2, ge=1, description="threads of one registration")
+    cached_clouds: int = Field(64, ge=2, description="preprocessed keyframes kept, about 1 MB each")
+
+
+class FrontEndSettings(Settings):
+    """What one robot does with its scans before it meets others."""
+
+    odometry: OdometrySettings = OdometrySettings()
+    keyframes: KeyframeSettings = KeyframeSettings()
+    scan_context: ScanContextSettings = ScanContextSettings()
