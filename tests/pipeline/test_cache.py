@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wiclosure.pipeline.cache import StageCache, file_identity
+
+
+class Stage:
+    """Counts how often it is computed."""
+
+    def __init__(self, cache: StageCache) -> None:
+        self.cache = cache
+        self.computed = 0
+
+    def __call__(self, depends_on: object) -> tuple[str, bool]:
+        def compute() -> str:
+            self.computed += 1
+            return f"result {self.computed}"
+
+        def save(value: str, path: Path) -> None:
+            path.write_text(value)
+
+        return self.cache.reuse("stage", depends_on, load=Path.read_text, save=save, compute=compute)
+
+
+def test_same_inputs_are_computed_once(tmp_path: Path) -> None:
+    stage = Stage(StageCache(tmp_path))
+    assert stage({"voxel": 0.5}) == ("result 1", False)
+    assert stage({"voxel": 0.5}) == ("result 1", True)
+    assert stage({"voxel": 0.6}) == ("result 2", False)
+
+
+def test_no_folder_keeps_nothing(tmp_path: Path) -> None:
+    stage = Stage(StageCache(None))
+    stage(1)
+    assert stage(1) == ("result 2", False)
+
+
+def test_spoiled_entry_is_computed_again(tmp_path: Path) -> None:
+    stage = Stage(StageCache(tmp_path))
+    stage(1)
+    (entry,) = tmp_path.iterdir()
+    entry.write_bytes(b"\xff\xfe\xff")
+    assert stage(1) == ("result 2", False)
+    assert stage(1) == ("result 2", True)
+
+
+def test_old_entries_go_when_the_cache_is_full(tmp_path: Path) -> None:
+    stage = Stage(StageCache(tmp_path, limit_bytes=20))
+    for n in range(5):
+        stage(n)
+    assert sum(p.stat().st_size for p in tmp_path.iterdir()) <= 20
+
+
+def test_unwritable_cache_is_no_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert Stage(StageCache(tmp_path / "file" / "cache"))(1) == ("result 1", False)
+
+
+@pytest.mark.parametrize("change", ["content", "name"])
+def test_identity_follows_the_files(tmp_path: Path, change: str) -> None:
+    (tmp_path / "000000.bin").write_bytes(b"12")
+    before = file_identity(tmp_path)
+    assert file_identity(tmp_path) == before
+    if change == "content":
+        (tmp_path / "000000.bin").write_bytes(b"123")
+    else:
+        (tmp_path / "000000.bin").rename(tmp_path / "000001.bin")
+    assert file_identity(tmp_path) != before
