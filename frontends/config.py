@@ -49,14 +49,14 @@ class ScanContextSettings(Settings):
         2.0, ge=0, description="m added to heights, about the sensor's height, so that what lies below it counts"
     )
     min_points_per_bin: int = Field(1, ge=1, description="a bin with fewer is empty (DiSCo-SLAM: 5)")
-    ring_key: Literal["mean-height", "occupied-share"] = Field(
-        "mean-height", description="what is kept of a ring to search by (DiSCo-SLAM: occupied-share)"
-    )
 
 
 class MatchingSettings(Settings):
     """Which candidate pairs are proposed to the registration."""
 
+    ring_key: Literal["mean-height", "occupied-share"] = Field(
+        "mean-height", description="what of a ring is searched by (paper and DiSCo-SLAM: occupied-share)"
+    )
     ring_key_neighbours: int = Field(50, ge=1, description="candidates a keyframe with the most similar ring keys")
     candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
     max_distance: float = Field(

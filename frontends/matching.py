@@ -1,0 +1,151 @@
+"""From candidate pairs to proposed closures: which of them look alike."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure import se3
+from wiclosure.errors import InputError
+from wiclosure.frontends.config import MatchingSettings
+from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
+from wiclosure.types import (
+    CandidatePairs,
+    Closure,
+    Decision,
+    Evidence,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    KeyframeId,
+)
+
+_PAIRS_AT_ONCE = 1 << 18
+
+# What a look-alike alone says of the relative pose, standard deviations: attitude 0.1 rad, heading 1 rad (scan context
+# may be wrong in it even for true pairs), position 10 m.
+_UNPREDICTED_COVARIANCE = np.diag(np.square([0.1, 0.1, 1.0, 10.0, 10.0, 1.0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchResult:
+    """What matching made of the candidates of two robots.
+
+    Args:
+        closures: proposed, sorted by query (a keyframe of robot_a), then match (of robot_b).
+        pairs_in: candidate pairs given.
+        pairs_compared: pairs whose ring keys were near enough to compare descriptors.
+        pairs_alike: compared pairs under the distance threshold; the best of each keyframe are proposed.
+        seconds: wall time.
+    """
+
+    closures: tuple[Closure, ...]
+    pairs_in: int
+    pairs_compared: int
+    pairs_alike: int
+    seconds: float
+
+
+def match(
+    pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array, settings: MatchingSettings
+) -> MatchResult:
+    """Proposes the pairs that look most alike.
+
+    Keyframes of both robots ask: each of robot_a for its best among robot_b's candidates, and each of robot_b likewise.
+    A closure's query is always of robot_a.  Where the filter predicts the pose, the closure carries that prediction and
+    its covariance, and a looser threshold applies: the prediction has said already that the places are one.
+
+    Args:
+        pairs: candidates, possibly all pairs.
+        descriptors_a: `(K_a, rings, sectors)` scan contexts of all keyframes of robot_a.
+        descriptors_b: `(K_b, rings, sectors)` those of robot_b.
+        settings: thresholds and numbers.
+
+    Raises:
+        InputError: the descriptors differ in shape, or a pair has none.
+    """
+    started = time.perf_counter()
+    _check(pairs, descriptors_a, descriptors_b)
+    near = _nearest_by_ring_key(pairs, descriptors_a, descriptors_b, settings)
+    a, b = pairs.index_a[near], pairs.index_b[near]
+    distance, yaw = compare(ColumnSpectra.of(descriptors_a), ColumnSpectra.of(descriptors_b), a, b)
+    limit = settings.max_distance if pairs.predictor is None else settings.max_distance_with_prediction
+    alike = np.flatnonzero(distance <= limit)
+    best = alike[_best_of_each(a[alike], b[alike], distance[alike], settings.candidates_per_keyframe)]
+    closures = _propose(pairs, near[best], distance[best], yaw[best])
+    return MatchResult(closures, len(pairs), len(near), len(alike), time.perf_counter() - started)
+
+
+def _check(pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array) -> None:
+    if descriptors_a.shape[1:] != descriptors_b.shape[1:]:
+        raise InputError(
+            f"scan contexts of {pairs.robot_a} are {descriptors_a.shape[1:]}, of {pairs.robot_b}"
+            f" {descriptors_b.shape[1:]}; describe both robots with the same settings"
+        )
+    for robot, index, descriptors in (
+        (pairs.robot_a, pairs.index_a, descriptors_a),
+        (pairs.robot_b, pairs.index_b, descriptors_b),
+    ):
+        if len(index) and index.max() >= len(descriptors):
+            raise InputError(f"a pair names keyframe {index.max()} of {robot}, which has {len(descriptors)}")
+
+
+def _nearest_by_ring_key(
+    pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array, settings: MatchingSettings
+) -> IntArray:
+    """Rows of the pairs that are among the nearest ring keys of either keyframe."""
+    keys_a, keys_b = (ring_keys(d, settings.ring_key) for d in (descriptors_a, descriptors_b))
+    distance = np.empty(len(pairs))
+    for start in range(0, len(pairs), _PAIRS_AT_ONCE):
+        chunk = slice(start, start + _PAIRS_AT_ONCE)
+        difference = keys_a[pairs.index_a[chunk]] - keys_b[pairs.index_b[chunk]]
+        distance[chunk] = np.einsum("mr,mr->m", difference, difference)
+    return _best_of_each(pairs.index_a, pairs.index_b, np.sqrt(distance), settings.ring_key_neighbours)
+
+
+def _best_of_each(index_a: IntArray, index_b: IntArray, distance: FloatArray, count: int) -> IntArray:
+    """Rows, in order, that are among the `count` smallest distances of either of their keyframes."""
+    return np.flatnonzero(_ranks(index_a, distance, count) | _ranks(index_b, distance, count))
+
+
+def _ranks(group: IntArray, distance: FloatArray, count: int) -> NDArray[np.bool_]:
+    """Which rows are among the `count` smallest distances of their group."""
+    if len(group) == 0:
+        return np.zeros(0, bool)
+    # One sort by group, then distance: distances scaled below 1 are the fraction of the key.
+    order = np.argsort(group + distance / (2.0 * distance.max() + 1e-12), kind="stable")
+    sorted_group = group[order]
+    starts = np.flatnonzero(np.diff(sorted_group, prepend=sorted_group[0] - 1))
+    sizes = np.diff(starts, append=len(group))
+    rank = np.arange(len(group)) - np.repeat(starts, sizes)
+    among = np.zeros(len(group), bool)
+    among[order[rank < count]] = True
+    return among
+
+
+def _propose(pairs: CandidatePairs, rows: IntArray, distance: FloatArray, yaw: FloatArray) -> tuple[Closure, ...]:
+    predicted = pairs.predicted(rows)
+    if predicted is None:
+        T_a_b = se3.from_yaw(yaw, np.zeros((len(rows), 3)))
+        covariance = np.broadcast_to(_UNPREDICTED_COVARIANCE, (len(rows), 6, 6))
+    else:
+        T_a_b, covariance = predicted
+    return tuple(
+        Closure(
+            query=KeyframeId(pairs.robot_a, int(pairs.index_a[row])),
+            match=KeyframeId(pairs.robot_b, int(pairs.index_b[row])),
+            T_query_match=T_a_b[k],
+            covariance=covariance[k],
+            evidence=Evidence(
+                scan_context_distance=float(distance[k]),
+                scan_context_yaw=float(yaw[k]),
+                overlap_probability=float(pairs.overlap_probability[row]),
+            ),
+            decision=Decision.PROPOSED,
+            reason="predicted by the radio" if predicted is not None else "looks alike",
+        )
+        for k, row in enumerate(rows)
+    )

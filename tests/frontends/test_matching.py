@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wiclosure.errors import InputError
+from wiclosure.frontends.config import MatchingSettings
+from wiclosure.frontends.matching import match
+from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
+from wiclosure.types import CandidatePairs, Decision, Float32Array, FloatArray, IntArray
+
+RINGS, SECTORS = 8, 12
+
+
+def descriptors(count: int, seed: int) -> Float32Array:
+    return np.random.default_rng(seed).random((count, RINGS, SECTORS)).astype(np.float32) ** 3
+
+
+def all_pairs(count_a: int, count_b: int) -> CandidatePairs:
+    a, b = np.divmod(np.arange(count_a * count_b), count_b)
+    return CandidatePairs.without_prediction("alpha", "beta", a, b)
+
+
+class TenMetresApart:
+    """Predicts every pair 10 m along x, with a known covariance."""
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        poses = np.tile(np.eye(4), (len(index_a), 1, 1))
+        poses[:, 0, 3] = 10.0
+        poses[:, 1, 3] = index_a - index_b
+        return poses, np.tile(0.25 * np.eye(6), (len(index_a), 1, 1))
+
+
+def test_the_same_places_seen_turned_are_proposed_with_their_yaw() -> None:
+    a = descriptors(9, 0)
+    b = np.roll(a[::-1], -3, axis=2)  # beta meets the places in reverse order, its body turned by +3 sectors
+    result = match(all_pairs(9, 9), a, b, MatchingSettings(max_distance=0.05))
+    assert [(c.query.index, c.match.index) for c in result.closures] == [(i, 8 - i) for i in range(9)]
+    for closure in result.closures:
+        assert closure.decision is Decision.PROPOSED
+        assert closure.query.robot == "alpha"
+        assert closure.evidence.scan_context_yaw == pytest.approx(3 * 2 * np.pi / SECTORS)
+    assert (result.pairs_in, result.pairs_compared, result.pairs_alike) == (81, 81, 9)
+
+
+@given(
+    seed=st.integers(0, 500),
+    counts=st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    neighbours=st.integers(1, 6),
+    best=st.integers(1, 3),
+    share=st.floats(0, 1),
+)
+@settings(max_examples=40, deadline=None)
+def test_proposals_equal_those_of_a_search_keyframe_by_keyframe(
+    seed: int, counts: tuple[int, int], neighbours: int, best: int, share: float
+) -> None:
+    a, b = descriptors(counts[0], seed), descriptors(counts[1], seed + 1)
+    pairs = all_pairs(*counts)
+    kept = np.flatnonzero(np.random.default_rng(seed).random(len(pairs)) < share)
+    pairs = CandidatePairs.without_prediction("alpha", "beta", pairs.index_a[kept], pairs.index_b[kept])
+    chosen = MatchingSettings(ring_key_neighbours=neighbours, candidates_per_keyframe=best, max_distance=0.6)
+    result = match(pairs, a, b, chosen)
+
+    key_a, key_b = ring_keys(a, "mean-height"), ring_keys(b, "mean-height")
+    ij = list(zip(pairs.index_a.tolist(), pairs.index_b.tolist(), strict=True))
+
+    def nearest(rows: list[tuple[int, int]], cost: dict[tuple[int, int], float], n: int) -> set[tuple[int, int]]:
+        found: set[tuple[int, int]] = set()
+        for side in (0, 1):
+            for keyframe in {pair[side] for pair in rows}:
+                own = sorted((pair for pair in rows if pair[side] == keyframe), key=lambda pair: cost[pair])
+                found.update(own[:n])
+        return found
+
+    near = nearest(ij, {(i, j): float(np.linalg.norm(key_a[i] - key_b[j])) for i, j in ij}, neighbours)
+    spectra = ColumnSpectra.of(a), ColumnSpectra.of(b)
+    full = {(i, j): float(compare(*spectra, np.array([i]), np.array([j]))[0][0]) for i, j in near}
+    expected = nearest([pair for pair in near if full[pair] <= 0.6], full, best)
+    assert [(c.query.index, c.match.index) for c in result.closures] == sorted(expected)
+    assert result.pairs_compared == len(near)
+
+
+def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
+    a, b = descriptors(3, 0), descriptors(4, 1)
+    bare = all_pairs(3, 4)
+    probability = np.linspace(0.1, 0.9, len(bare))
+    predicted = CandidatePairs(
+        "alpha", "beta", bare.index_a, bare.index_b, probability, np.ones(len(bare)), TenMetresApart()
+    )
+    chosen = MatchingSettings(max_distance=1e-3, max_distance_with_prediction=1.0)
+    assert match(bare, a, b, chosen).closures == ()
+    closures = match(predicted, a, b, chosen).closures
+    assert len(closures) >= 3
+    for closure in closures:
+        i, j = closure.query.index, closure.match.index
+        np.testing.assert_allclose(closure.T_query_match[:2, 3], [10.0, i - j])
+        np.testing.assert_allclose(closure.covariance, 0.25 * np.eye(6))
+        assert closure.evidence.overlap_probability == pytest.approx(probability[i * 4 + j])
+
+
+def test_no_candidates_give_no_closures() -> None:
+    none = np.zeros(0, np.int64)
+    pairs = CandidatePairs.without_prediction("alpha", "beta", none, none)
+    result = match(pairs, descriptors(3, 0), descriptors(4, 1), MatchingSettings())
+    assert (result.closures, result.pairs_in, result.pairs_compared) == ((), 0, 0)
+
+
+def test_descriptors_of_other_settings_are_refused() -> None:
+    with pytest.raises(InputError, match="same settings"):
+        match(all_pairs(3, 4), descriptors(3, 0), descriptors(4, 0)[:, :4], MatchingSettings())
+    with pytest.raises(InputError, match="keyframe 3 of beta, which has 2"):
+        match(all_pairs(3, 4), descriptors(3, 0), descriptors(2, 0), MatchingSettings())

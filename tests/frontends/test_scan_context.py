@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wiclosure import se3
+from wiclosure.frontends.config import ScanContextSettings
+from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe, distance_profiles, ring_keys
+from wiclosure.types import FloatArray
+
+SETTINGS = ScanContextSettings()
+SECTOR = 2 * np.pi / SETTINGS.sectors
+
+
+def town(seed: int, houses: int = 60) -> FloatArray:
+    """Vertical columns of points around the sensor, centred within their bins."""
+    rng = np.random.default_rng(seed)
+    azimuth = (rng.integers(0, SETTINGS.sectors, houses) + rng.uniform(0.3, 0.7, houses)) * SECTOR
+    distance = (rng.integers(1, SETTINGS.rings, houses) + 0.5) * SETTINGS.max_range_m / SETTINGS.rings
+    feet = np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth), np.full(houses, -1.5)], axis=1)
+    heights = rng.uniform(0.5, 10, houses)[:, None, None] * np.linspace(0, 1, 5)[None, :, None]
+    return (feet[:, None, :] + heights * [0.0, 0.0, 1.0]).reshape(-1, 3)
+
+
+def brute_force_profile(query: FloatArray, match: FloatArray) -> FloatArray:
+    """The paper's distance at each shift, column by column."""
+    sectors = query.shape[1]
+    profile = np.zeros(sectors)
+    for shift in range(sectors):
+        cosines = []
+        for j in range(sectors):
+            q, m = query[:, (j + shift) % sectors], match[:, j]
+            if q.any() and m.any():
+                cosines.append(q @ m / np.linalg.norm(q) / np.linalg.norm(m))
+        profile[shift] = 1 - sum(cosines) / max(len(cosines), sectors / 4)
+    return profile
+
+
+@given(seed=st.integers(0, 1000), shift=st.integers(-29, 30))
+@settings(max_examples=40, deadline=None)
+def test_a_turned_cloud_is_recognised_and_its_yaw_found(seed: int, shift: int) -> None:
+    points_match = town(seed)
+    T_query_match = se3.from_yaw(shift * SECTOR, np.zeros(3))
+    points_query = se3.transform(T_query_match, points_match)
+    query, match = (ColumnSpectra.of(describe(p, SETTINGS)[None]) for p in (points_query, points_match))
+    distance, yaw = compare(query, match, np.array([0]), np.array([0]))
+    assert distance[0] == pytest.approx(0, abs=1e-4)
+    assert np.angle(np.exp(1j * (yaw[0] - shift * SECTOR))) == pytest.approx(0, abs=1e-6)
+
+
+@given(seed=st.integers(0, 1000), angle=st.floats(-np.pi, np.pi))
+@settings(max_examples=40, deadline=None)
+def test_ring_keys_do_not_change_when_the_sensor_turns(seed: int, angle: float) -> None:
+    shift = np.round(angle / SECTOR) * SECTOR
+    clouds = [town(seed), se3.transform(se3.from_yaw(shift, np.zeros(3)), town(seed))]
+    descriptors = np.stack([describe(c, SETTINGS) for c in clouds])
+    for kind in ("mean-height", "occupied-share"):
+        keys = ring_keys(descriptors, kind)
+        np.testing.assert_allclose(keys[0], keys[1], atol=1e-5)
+
+
+@given(seed=st.integers(0, 1000), houses=st.integers(1, 80))
+@settings(max_examples=15, deadline=None)
+def test_all_shifts_at_once_equal_shifting_columns_by_hand(seed: int, houses: int) -> None:
+    query, match = (describe(town(s, houses), SETTINGS) for s in (seed, seed + 1))
+    spectra = [ColumnSpectra.of(d[None]) for d in (query, match)]
+    profile = distance_profiles(*spectra, np.array([0]), np.array([0]))[0]
+    np.testing.assert_allclose(profile, brute_force_profile(query, match), atol=1e-4)
+
+
+def test_a_bin_holds_its_greatest_height_above_the_offset() -> None:
+    points = np.array([[10.0, 0.1, -1.0], [10.0, 0.1, 3.0], [10.0, 0.1, -5.0], [200.0, 0.0, 1.0]])
+    image = describe(points, SETTINGS)
+    assert image[2, 0] == pytest.approx(3.0 + SETTINGS.height_offset_m)
+    assert np.count_nonzero(image) == 1
+
+
+def test_bins_of_few_points_are_empty_as_disco_slam_has_it() -> None:
+    points = np.repeat([[10.0, 0.1, 0.0], [30.0, 0.1, 0.0]], [5, 4], axis=0)
+    image = describe(points, SETTINGS.model_copy(update={"min_points_per_bin": 5}))
+    assert np.flatnonzero(image.any(axis=1)).tolist() == [2]
+
+
+def test_two_alike_columns_are_no_place() -> None:
+    points = np.array([[10.0, 0.5, 1.0], [0.5, 10.0, 1.0]])
+    spectra = ColumnSpectra.of(describe(points, SETTINGS)[None])
+    distance, _ = compare(spectra, spectra, np.array([0]), np.array([0]))
+    assert distance[0] > 0.8
+
+
+def test_empty_clouds_are_unlike_everything() -> None:
+    empty = ColumnSpectra.of(describe(np.zeros((0, 3)), SETTINGS)[None])
+    distance, _ = compare(empty, empty, np.array([0]), np.array([0]))
+    assert distance[0] == 1.0
+
+
+def test_points_on_the_edge_of_the_range_and_of_the_circle_fall_into_bins() -> None:
+    edge = np.nextafter(np.float32(80), np.float32(0))
+    describe(np.array([[edge, 0.0, 0.0], [5.0, -1e-30, 0.0], [-5.0, -0.0, 0.0]]), SETTINGS)
