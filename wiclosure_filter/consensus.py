@@ -1,0 +1,139 @@
+"""Consensus over the frame transform: propose, score against all measurements, climb, keep the distinct peaks.
+
+Pairs of paths are too weak to vote on each other where relative heading is unknown: two links have one redundant degree
+of freedom.  All measurements together are not.  Odometry drift is counted from an anchor, a measurement near the
+proposal's own, so that a transform need not explain what lies hundreds of metres of odometry away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.wiclosure_filter import proposals
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.mixture import Mixture
+from wiclosure.wiclosure_filter.observations import Observations, drift_from
+from wiclosure.wiclosure_filter.proposals import Correspondences
+from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb
+
+_ANCHORS = 4
+_QUICK_LOOK = 32  # measurements in the first scoring
+_CLIMBERS = 48  # proposals that are refined, at few measurements
+_CLIMBER_ROWS = 6_000  # proposals times measurements that are refined, at many
+_ROWS_AN_ANCHOR = 25
+
+
+@dataclass(frozen=True, eq=False)
+class AnchoredPeaks:
+    """Peaks of the posterior, best first, with the drift that they were found under."""
+
+    peaks: Peaks
+    mixture: Mixture
+
+
+def consensus(
+    observations: Observations,
+    knowledge: str,
+    partner: IntArray,
+    trajectories: tuple[Trajectory, Trajectory],
+    settings: AlignmentSettings,
+) -> AnchoredPeaks | None:
+    """The peaks of the posterior over frame transforms; None where no proposal can be made.
+
+    Args:
+        observations: the measurements.
+        knowledge: `heading`, `reciprocal`, `one-way` or `range-only`.
+        partner: `(M,)` the measurement the other way at about the same time, or -1.
+        trajectories: of a and b.
+        settings: how hard to search.
+    """
+    prior = Prior.of(observations, settings.height_sigma_m, knowledge == "heading")
+    found: list[AnchoredPeaks] = []
+    anchors = _anchors(observations)
+    for anchor, rows in anchors:
+        states = _proposed(observations, knowledge, partner, rows, prior, settings.proposals // len(anchors))
+        if len(states):
+            drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
+            mixture = Mixture.of(observations, settings.radio, drift)
+            peaks = climb(_promising(states, mixture, prior), mixture, prior)
+            found.append(AnchoredPeaks(_distinct(peaks, observations), mixture))
+    return max(found, key=lambda one: float(one.peaks.log_posterior[0])) if found else None
+
+
+def _anchors(observations: Observations) -> list[tuple[int, IntArray]]:
+    """Measurements to count drift from, each with the measurements around it that make proposals."""
+    count = len(observations)
+    groups = np.array_split(np.arange(count), max(1, min(_ANCHORS, count // _ROWS_AN_ANCHOR)))
+    return [(int(group[len(group) // 2]), group) for group in groups]
+
+
+def _proposed(
+    observations: Observations, knowledge: str, partner: IntArray, rows: IntArray, prior: Prior, limit: int
+) -> FloatArray:
+    """Every kind of proposal that the measurements allow, `(N, 4)`."""
+    points = Correspondences.of(observations)
+    ranged, directed = np.isfinite(observations.range_m), observations.has_bearing
+    if knowledge == "heading":
+        known = np.array([prior.yaw + step * prior.yaw_sigma for step in (-1.0, 0.0, 1.0)])
+        kinds = [
+            proposals.from_known_yaw(
+                points, np.full(len(points.row), prior.yaw), np.full(len(points.row), prior.yaw_sigma)
+            )
+        ]
+        yaws = known
+    else:
+        kinds = [proposals.from_pairs(points, rows, limit)]
+        yaws = proposals.yaw_grid()
+    if knowledge == "reciprocal":
+        kinds.append(proposals.from_reciprocal(points, observations, partner, limit))
+    if len(points.row) == 0 and directed.any():
+        kinds.append(proposals.from_rays(observations, rows, yaws, 2 * limit))
+    if ranged.any() and not (directed & ranged).any():
+        kinds.append(proposals.from_circles(observations, rows, yaws, 2 * limit))
+    return np.concatenate(kinds)
+
+
+def _promising(states: FloatArray, mixture: Mixture, prior: Prior) -> FloatArray:
+    """The proposals worth refining: scored on some measurements first, the best of them on all."""
+    count = len(mixture.observations)
+    climbers = max(8, min(_CLIMBERS, _CLIMBER_ROWS // count))
+    if count > 2 * _QUICK_LOOK and len(states) > 10 * climbers:
+        some = np.linspace(0, count - 1, _QUICK_LOOK).astype(np.int64)
+        quick = mixture.subset(some).log_likelihood(states) + prior.log_density(states)
+        states = states[np.argsort(-quick, kind="stable")[: 10 * climbers]]
+    score = mixture.log_likelihood(states) + prior.log_density(states)
+    return _apart(states[np.argsort(-score, kind="stable")], mixture.observations, climbers)
+
+
+def _apart(states: FloatArray, observations: Observations, limit: int) -> FloatArray:
+    """The first `limit` states of which no two are nearly the same."""
+    kept: list[int] = []
+    spread = max(float(np.sqrt((observations.b[:, :2] ** 2).sum(axis=1).mean())), 1.0)
+    place = np.column_stack([spread * np.cos(states[:, 0]), spread * np.sin(states[:, 0]), states[:, 1:3]])
+    free = np.ones(len(states), bool)
+    while free.any() and len(kept) < limit:
+        first = int(np.argmax(free))
+        kept.append(first)
+        free &= ((place - place[first]) ** 2).sum(axis=1) > 1.0
+    return states[kept]
+
+
+def _distinct(peaks: Peaks, observations: Observations) -> Peaks:
+    """Peaks best first, without those that lie within another's reach."""
+    order = np.argsort(-peaks.log_posterior, kind="stable")
+    kept: list[int] = []
+    for row in order:
+        if all(displacement_m(peaks.states[row], peaks.states[other], observations) > 0.5 for other in kept):
+            kept.append(int(row))
+    return peaks.subset(np.array(kept))
+
+
+def displacement_m(state: FloatArray, other: FloatArray, observations: Observations) -> float:
+    """Root mean square distance between the places that two transforms give to b's antennas."""
+    at, there = (observations.frame_transform(s) for s in (state, other))
+    b = observations.b + observations.centre_b
+    moved = b @ (at[:3, :3] - there[:3, :3]).T + at[:3, 3] - there[:3, 3]
+    return float(np.sqrt((moved[:, :2] ** 2).sum(axis=1).mean()))

@@ -1,0 +1,156 @@
+"""The measurements between two robots as a function of one planar frame transform.
+
+Gravity-aligned frames differ by four numbers, `state = (yaw, x, y, z)`: `R_z(yaw) b + (x, y, z)` maps a position of
+robot b, relative to the centre of b's antenna positions, into the odometry axes of a, relative to the centre of a's.
+Centring keeps yaw and translation nearly independent, however far from its origin a robot is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.links import BoolArray, Links
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """M measurements of at most K paths, centred.
+
+    Args:
+        a, b: `(M, 3)` antenna positions relative to the centres, odometry axes.
+        centre_a, centre_b: `(3,)`.
+        a_receives: `(M,)`.
+        range_m, range_sigma_m: `(M,)`, NaN without a range.
+        direction: `(M, K, 3)` unit directions in the receiver's odometry axes; horizontal ones where `flat`.
+        flat: `(M, K)` true where a path has no elevation.
+        sigma, weight: `(M, K)`; weight 0 where there is no path.
+        has_bearing: `(M,)`.
+        independence: `(M,)` in (0, 1], by how much each measurement counts: the antennas hardly moved between some.
+        yaw, yaw_sigma: `(M,)` from the robots' headings, NaN where unknown.
+        near_range_m: `(M,)` distance of the antennas, measured or borrowed; NaN where nothing near in time was ranged.
+        near_range_sigma_m: `(M,)`.
+        index_a, index_b: `(M,)` keyframes.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    centre_a: FloatArray
+    centre_b: FloatArray
+    a_receives: BoolArray
+    range_m: FloatArray
+    range_sigma_m: FloatArray
+    direction: FloatArray
+    flat: BoolArray
+    sigma: FloatArray
+    weight: FloatArray
+    has_bearing: BoolArray
+    independence: FloatArray
+    yaw: FloatArray
+    yaw_sigma: FloatArray
+    near_range_m: FloatArray
+    near_range_sigma_m: FloatArray
+    index_a: IntArray
+    index_b: IntArray
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+    @classmethod
+    def of(cls, links: Links, settings: AlignmentSettings) -> Observations:
+        """Centres and flattens the links; M must be at least 1."""
+        flat = ~np.isfinite(links.elevation)
+        direction = links.direction
+        direction[..., 2] = np.where(flat, 0.0, direction[..., 2])
+        direction /= np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-9)
+        centre_a, centre_b = links.antenna_a.mean(axis=0), links.antenna_b.mean(axis=0)
+        near, near_sigma = _near_ranges(links, settings.radio.range_partner_s)
+        return cls(
+            a=links.antenna_a - centre_a,
+            b=links.antenna_b - centre_b,
+            centre_a=centre_a,
+            centre_b=centre_b,
+            a_receives=links.a_receives,
+            range_m=links.range_m,
+            range_sigma_m=links.range_sigma_m,
+            direction=direction,
+            flat=flat,
+            sigma=links.sigma,
+            weight=links.weight,
+            has_bearing=links.has_bearing,
+            independence=independence(links.antenna_a, links.antenna_b, settings.radio.static_radius_m),
+            yaw=links.yaw,
+            yaw_sigma=links.yaw_sigma,
+            near_range_m=near,
+            near_range_sigma_m=near_sigma,
+            index_a=links.index_a,
+            index_b=links.index_b,
+        )
+
+    def subset(self, rows: IntArray) -> Observations:
+        """The measurements at `rows`, about the same centres."""
+        per_measurement = [f.name for f in fields(self) if f.name not in {"centre_a", "centre_b"}]
+        return replace(self, **{name: getattr(self, name)[rows] for name in per_measurement})
+
+    def frame_transform(self, state: FloatArray) -> FloatArray:
+        """`T_a_b (..., 4, 4)` of states `(..., 4)`."""
+        T = se3.from_yaw(state[..., 0], state[..., 1:] + self.centre_a)
+        T[..., :3, 3] -= np.einsum("...ij,j->...i", T[..., :3, :3], self.centre_b)
+        return T
+
+    def state(self, T_a_b: FloatArray) -> FloatArray:
+        """The state `(4,)` of a frame transform; its roll and pitch are lost."""
+        return np.concatenate([[se3.yaw(T_a_b)], se3.transform(T_a_b, self.centre_b) - self.centre_a])
+
+
+def independence(a: FloatArray, b: FloatArray, radius_m: float) -> FloatArray:
+    """Weight `(M,)` of each measurement: one over how many were taken with both antennas within `radius_m` of it.
+
+    Where robots stand still, every measurement sees the same reflections: a hundred of them prove no more than one
+    that the path which they share is the direct one.
+    """
+    if radius_m <= 0 or len(a) == 0:
+        return np.ones(len(a))
+    cell = np.floor(np.concatenate([a - a[0], b - b[0]], axis=1)[:, [0, 1, 3, 4]] / radius_m + 0.5)
+    _, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(1.0 / count[group.reshape(-1)])
+
+
+def drift_from(
+    anchor: int, observations: Observations, trajectories: tuple[Trajectory, Trajectory], inflation: float
+) -> tuple[FloatArray, FloatArray]:
+    """How far a rigid transform that is right at one measurement may be off at the others.
+
+    Returns:
+        Standard deviations `(M,)` of the horizontal position (m) and of the yaw (rad) of the robots relative to each
+        other, by the drift of both since the anchor.
+    """
+    position_variance, yaw_variance = np.zeros(len(observations)), np.zeros(len(observations))
+    for trajectory, index in zip(trajectories, (observations.index_a, observations.index_b), strict=True):
+        covariance = trajectory.relative_covariance(np.full(len(index), index[anchor]), index)
+        position_variance += (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
+        yaw_variance += covariance[:, 2, 2]
+    return inflation * np.sqrt(position_variance), inflation * np.sqrt(yaw_variance)
+
+
+def _near_ranges(links: Links, tolerance_s: float) -> tuple[FloatArray, FloatArray]:
+    """Each measurement's own range, or that of the measurement nearest in time within the tolerance."""
+    ranged = np.flatnonzero(links.has_range)
+    if len(ranged) == 0:
+        return np.full(len(links), np.nan), np.full(len(links), np.nan)
+    order = ranged[np.argsort(links.stamp_a_ns[ranged], kind="stable")]
+    stamps = links.stamp_a_ns[order]
+    upper = np.clip(np.searchsorted(stamps, links.stamp_a_ns), 0, len(order) - 1)
+    lower = np.maximum(upper - 1, 0)
+    to_upper, to_lower = np.abs(stamps[upper] - links.stamp_a_ns), np.abs(stamps[lower] - links.stamp_a_ns)
+    partner = order[np.where(to_upper < to_lower, upper, lower)]
+    partner = np.where(links.has_range, np.arange(len(links)), partner)
+    close = np.abs(links.stamp_a_ns[partner] - links.stamp_a_ns) <= tolerance_s * 1e9
+    moved = np.linalg.norm(links.antenna_a - links.antenna_a[partner], axis=1)
+    moved += np.linalg.norm(links.antenna_b - links.antenna_b[partner], axis=1)
+    near = np.where(close, links.range_m[partner], np.nan)
+    return near, np.hypot(np.where(close, links.range_sigma_m[partner], np.nan), moved)
