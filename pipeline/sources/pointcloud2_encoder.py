@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wiclosure.pipeline.sources.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.wireless_messages import encode_header
 from wiclosure.types import Scan
 
 if TYPE_CHECKING:
@@ -30,14 +31,13 @@ def encode_scan(scan: Scan, typestore: Typestore, frame_id: str = "lidar") -> Ms
         if values is not None:
             records[:, names.index(name)] = values
     types = typestore.types
-    stamp = types["builtin_interfaces/msg/Time"](sec=scan.stamp_ns // 10**9, nanosec=scan.stamp_ns % 10**9)
     fields = [
         types["sensor_msgs/msg/PointField"](name=name, offset=4 * column, datatype=_FLOAT32, count=1)
         for column, name in enumerate(names)
     ]
     step = records.itemsize * len(names)
     return types[POINT_CLOUD_TYPE](
-        header=encode_header(stamp, typestore, frame_id),
+        header=encode_header(scan.stamp_ns, typestore, frame_id),
         height=1,
         width=len(records),
         fields=fields,
@@ -47,11 +47,3 @@ def encode_scan(scan: Scan, typestore: Typestore, frame_id: str = "lidar") -> Ms
         data=records.view(np.uint8).reshape(-1),
         is_dense=True,
     )
-
-
-def encode_header(stamp: Msg, typestore: Typestore, frame_id: str) -> Msg:
-    """`std_msgs/Header`; that of ROS 1 counts messages as well, which nobody reads."""
-    header = typestore.types["std_msgs/msg/Header"]
-    if any(name == "seq" for name, _ in typestore.fielddefs["std_msgs/msg/Header"][1]):
-        return header(seq=0, stamp=stamp, frame_id=frame_id)
-    return header(stamp=stamp, frame_id=frame_id)

@@ -1,0 +1,267 @@
+"""ROS bags of all kinds behind one face: which topics there are, and their messages, still serialised."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, TypeAlias
+
+from wiclosure.errors import InputError
+from wiclosure.pipeline.sources import salvage_mcap, salvage_ros1, zstd
+from wiclosure.pipeline.sources.ros_types import Encoding, deserialize, recorded_typestore
+from wiclosure.pipeline.sources.salvage import FoundTopic, scan_file
+
+if TYPE_CHECKING:
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    Reader: TypeAlias = Reader1 | Reader2
+
+logger = logging.getLogger(__name__)
+
+RawMessage: TypeAlias = tuple[int, bytes]
+"""Time of reception in nanoseconds, and the serialised message."""
+
+KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
+_MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
+_SUFFIXES = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
+METADATA = "metadata.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class BagTopic:
+    """A topic, and how many messages the bag announces on it."""
+
+    found: FoundTopic
+    count: int
+
+    @property
+    def name(self) -> str:
+        """Name, with its leading slash."""
+        return self.found.name
+
+    @property
+    def msgtype(self) -> str:
+        """Message type in ROS 2 notation (`sensor_msgs/msg/Imu`), for ROS 1 too."""
+        return self.found.msgtype
+
+
+@dataclass(frozen=True, slots=True)
+class Bag:
+    """An open bag.
+
+    Args:
+        path: file or folder.
+        kind: one of `KINDS`.
+        topics: by name.
+        start_ns, end_ns: times of the first and last message; equal where there is none.
+        read: serialised messages of one topic, in order.
+    """
+
+    path: Path
+    kind: str
+    topics: Mapping[str, BagTopic]
+    start_ns: int
+    end_ns: int
+    read: Callable[[str], Iterator[RawMessage]]
+
+    def messages(self, topic: str) -> Iterator[tuple[int, object]]:
+        """Time of reception and deserialised message, of each message of a topic.
+
+        Raises:
+            InputError: the bag is damaged, or a message does not fit its type.
+        """
+        found = self.topics[topic].found
+        store = recorded_typestore(found.encoding, found.msgtype, found.definition)
+        for number, (stamp_ns, raw) in enumerate(self.read(topic)):
+            try:
+                message = deserialize(store, found.encoding, raw, found.msgtype)
+            except Exception as error:  # rosbags does not say which
+                raise InputError(
+                    f"{self.path}, topic {topic}: message {number} is no {found.msgtype} ({error});"
+                    " add --salvage to use the others"
+                ) from error
+            yield stamp_ns, message
+
+
+def bag_kind(path: Path) -> str | None:
+    """`ros1`, `mcap` or `sqlite3` for a bag file or folder, None for anything else.
+
+    Files are told by their first bytes; an empty or unreadable one by its name.
+    """
+    if path.is_dir():
+        kinds = [_SUFFIXES[file.suffix] for file in _storage_files(path)]
+        return kinds[0] if kinds else ("mcap" if (path / METADATA).is_file() else None)
+    name = path.name.removesuffix(".zstd").removesuffix(".active")
+    if path.name.endswith(".zstd"):
+        return _SUFFIXES.get(Path(name).suffix)
+    with path.open("rb") as file:
+        head = file.read(16)
+    found = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
+    return found or (_SUFFIXES.get(Path(name).suffix) if not head else None)
+
+
+@contextmanager
+def open_bag(path: Path, *, salvage: bool = False) -> Iterator[Bag]:
+    """Opens a ROS 1 bag (file, or folder of split files), or a ROS 2 bag (folder with or without metadata, or file).
+
+    Args:
+        path: file or folder.
+        salvage: read record by record and use whatever is whole, for bags without index or with damage.
+
+    Raises:
+        InputError: not a bag, or damaged (says how many messages could be salvaged).
+    """
+    kind = bag_kind(path)
+    if kind is None:
+        raise InputError(f"{path} is not a ROS bag; expected a .bag, .mcap or .db3 file, or a ROS 2 bag folder")
+    with ExitStack() as stack:
+        files = _plain_files(path, stack)
+        if salvage or _foreign(kind, files):
+            yield _salvaged_bag(path, kind, files)
+            return
+        if unclosed := [file for file in files if kind == "sqlite3" and _write_ahead_log(file)]:
+            raise _damaged(path, kind, files, f"{unclosed[0].name} was not closed by its recorder")
+        yield _indexed_bag(path, kind, files, stack)
+
+
+# ---------------------------------------------------------------------------------------------------- through rosbags
+def _indexed_bag(path: Path, kind: str, files: Sequence[Path], stack: ExitStack) -> Bag:
+    try:
+        readers = _open_readers(path, kind, files, stack)
+    except Exception as error:  # damage raises anything from struct.error to AssertionError in rosbags
+        raise _damaged(path, kind, files, str(error)) from error
+    counts: Counter[str] = Counter()
+    found: dict[str, FoundTopic] = {}
+    for connection in (connection for reader in readers for connection in reader.connections):
+        counts[connection.topic] += max(connection.msgcount, 0)
+        encoding: Encoding = "ros1" if kind == "ros1" else "cdr"
+        topic = FoundTopic(connection.topic, connection.msgtype, connection.msgdef, encoding)
+        found.setdefault(connection.topic, topic)
+    topics = {name: BagTopic(found[name], counts[name]) for name in sorted(found)}
+    filled = [reader for reader in readers if reader.message_count]
+    start_ns = min((reader.start_time for reader in filled), default=0)
+    end_ns = max((reader.end_time - 1 for reader in filled), default=0)
+
+    def read(topic: str) -> Iterator[RawMessage]:
+        messages = chain.from_iterable(_messages(reader, topic) for reader in filled)
+        done = 0
+        while True:
+            try:
+                message = next(messages, None)
+            except Exception as error:  # as above
+                raise _damaged(
+                    path, kind, files, f"reading stopped after {done} messages of {topic}: {error}"
+                ) from error
+            if message is None:
+                return
+            done += 1
+            yield message
+
+    return Bag(path, kind, topics, start_ns, end_ns, read)
+
+
+def _open_readers(path: Path, kind: str, files: Sequence[Path], stack: ExitStack) -> list[Reader]:
+    """Open readers in order of time: one for a ROS 2 folder with metadata, else one a file."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    if path.is_dir() and (path / METADATA).is_file():
+        return [stack.enter_context(Reader2(path))]
+    reader_of: type[Reader] = Reader1 if kind == "ros1" else Reader2
+    readers: list[Reader] = []
+    for file in files:
+        readers.append(reader_of(file))
+        stack.enter_context(readers[-1])
+    return sorted(readers, key=lambda reader: reader.start_time)
+
+
+def _messages(reader: Reader, topic: str) -> Iterator[RawMessage]:
+    connections = [connection for connection in reader.connections if connection.topic == topic]
+    if connections:
+        for _, stamp_ns, raw in reader.messages(connections):
+            yield stamp_ns, _unpacked(raw)
+
+
+def _unpacked(raw: bytes) -> bytes:
+    """Without its compression; a serialised message never starts with these bytes."""
+    return zstd.decompress(raw) if raw[:4] == zstd.MAGIC else raw
+
+
+# --------------------------------------------------------------------------------------------------- record by record
+def _salvaged_bag(path: Path, kind: str, files: Sequence[Path]) -> Bag:
+    counts: Counter[str] = Counter()
+    found: dict[str, FoundTopic] = {}
+    start_ns, end_ns = 2**63 - 1, 0
+    for topic, stamp_ns, _ in chain.from_iterable(scan_file(file, kind) for file in files):
+        counts[topic.name] += 1
+        found.setdefault(topic.name, topic)
+        start_ns, end_ns = min(start_ns, stamp_ns), max(end_ns, stamp_ns)
+    if not counts:
+        raise InputError(f"{path} holds no whole message, nothing can be salvaged; record it again")
+
+    def read(topic: str) -> Iterator[RawMessage]:
+        for message in chain.from_iterable(scan_file(file, kind) for file in files):
+            if message.topic.name == topic:
+                yield message.stamp_ns, _unpacked(message.data)
+
+    topics = {name: BagTopic(found[name], counts[name]) for name in sorted(found)}
+    return Bag(path, kind, topics, start_ns, end_ns, read)
+
+
+def _damaged(path: Path, kind: str, files: Sequence[Path], reason: str) -> InputError:
+    """The error for a bag without index or with damage: says what could be saved."""
+    counts = Counter(message.topic.name for file in files for message in scan_file(file, kind))
+    reason = " ".join(reason.split()).rstrip(".")
+    if not counts:
+        return InputError(f"{path} cannot be read as a {KINDS[kind]} ({reason}), and holds no whole message")
+    shares = ", ".join(f"{count} on {topic}" for topic, count in counts.most_common(5))
+    return InputError(
+        f"{path} is truncated, damaged or has no index ({reason}): {counts.total()} messages can be read ({shares});"
+        " add --salvage to use them"
+    )
+
+
+# -------------------------------------------------------------------------------------------------------------- files
+def _storage_files(folder: Path) -> list[Path]:
+    """Bag files in a folder, of the kind that is there, in natural order (`_2` before `_10`)."""
+    for suffix in (".mcap", ".db3", ".bag"):
+        files = [*folder.glob(f"*{suffix}"), *folder.glob(f"*{suffix}.zstd")]
+        if files:
+            return [Path(str(file)) for file in sorted(files, key=_natural)]
+    return []
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
+
+
+def _plain_files(path: Path, stack: ExitStack) -> list[Path]:
+    """The bag's files, unpacked into a temporary folder where they are compressed as a whole."""
+    files = _storage_files(path) if path.is_dir() else [path]
+    packed = [file for file in files if file.suffix == ".zstd"]
+    if not packed:
+        return files
+    folder = Path(stack.enter_context(TemporaryDirectory(prefix="wiclosure-bag-")))
+    for file in packed:
+        zstd.decompress_file(file, folder / file.stem)
+    return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
+
+
+def _foreign(kind: str, files: Sequence[Path]) -> bool:
+    """Whether rosbags would refuse whole files for what wrote them."""
+    starts = [file for file in files if kind == "mcap" and file.stat().st_size > 64]
+    return bool(starts) and not all(map(salvage_mcap.is_ros2_profile, starts))
+
+
+def _write_ahead_log(database: Path) -> bool:
+    """Whether messages wait beside the database, which rosbags would not see."""
+    log = database.with_name(f"{database.name}-wal")
+    return log.is_file() and log.stat().st_size > 0

@@ -1,0 +1,121 @@
+"""Finds the loader for a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+from wiclosure.errors import ConfigError, InputError
+from wiclosure.interfaces import ScanSource
+from wiclosure.pipeline.sources.bags import bag_kind
+from wiclosure.pipeline.sources.folder import FolderSource, is_cloud_folder
+from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder
+from wiclosure.pipeline.sources.rosbag import RosbagSource
+from wiclosure.types import Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Loader:
+    """One kind of recording.
+
+    Args:
+        recognises: whether a path is such a recording; looks at names and first bytes only.
+        open: opens it; topic and salvage only mean something for bags.
+        what: what it reads, for the user.
+    """
+
+    recognises: Callable[[Path], bool]
+    open: Callable[[Path, str | None, bool], ScanSource]
+    what: str
+
+
+LOADERS: Mapping[str, Loader] = {
+    "rosbag": Loader(
+        lambda path: bag_kind(path) is not None,
+        lambda path, topic, salvage: RosbagSource(path, topic, salvage=salvage),
+        "ROS 1 bag (.bag), ROS 2 bag (folder, .mcap, .db3)",
+    ),
+    "kitti": Loader(
+        is_kitti_folder,
+        lambda path, topic, salvage: KittiSource(path),
+        "KITTI odometry sequence (velodyne/, times.txt) or raw drive (velodyne_points/)",
+    ),
+    "folder": Loader(
+        is_cloud_folder,
+        lambda path, topic, salvage: FolderSource(path),
+        "folder of .pcd, .ply or .bin files",
+    ),
+}
+
+
+def guess_loader(path: Path) -> str:
+    """Name of the loader that recognises the recording.
+
+    Raises:
+        InputError: the path does not exist, cannot be read, or is no recording that any loader knows.
+    """
+    try:
+        if not path.exists():
+            raise InputError(f"recording {path} does not exist; check the path")
+        found = next((name for name, loader in LOADERS.items() if loader.recognises(path)), None)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; check its permissions") from error
+    if found is None:
+        supported = "; ".join(loader.what for loader in LOADERS.values())
+        raise InputError(f"{path} is not a recording that can be read; supported: {supported}")
+    return found
+
+
+def open_source(
+    path: Path | str,
+    *,
+    topic: str | None = None,
+    limit: int | None = None,
+    salvage: bool = False,
+    time_offset: float = 0.0,
+) -> ScanSource:
+    """Opens a recording of one LiDAR; the kind of recording is guessed.
+
+    Args:
+        path: file or folder.
+        topic: PointCloud2 topic of a bag; None takes the only one.
+        limit: read at most so many scans.
+        salvage: use what can be read of a damaged bag.
+        time_offset: seconds to add to every stamp.
+
+    Raises:
+        InputError: the recording cannot be used; names it and the way out.
+        ConfigError: limit is not positive.
+    """
+    path = Path(path)
+    if limit is not None and limit < 1:
+        raise ConfigError(f"the number of scans is {limit}; it must be at least 1")
+    source = LOADERS[guess_loader(path)].open(path, topic, salvage)
+    if limit is None and time_offset == 0.0:
+        return source
+    return _Excerpt(source, limit, round(time_offset * 1e9))
+
+
+class _Excerpt:
+    """The first scans of a source, with their clock set right."""
+
+    def __init__(self, source: ScanSource, limit: int | None, offset_ns: int) -> None:
+        self._source = source
+        self._limit = limit
+        self._offset_ns = offset_ns
+
+    @property
+    def description(self) -> str:
+        """One line for the user."""
+        first = f", first {len(self)}" if self._limit is not None else ""
+        shifted = f", stamps {self._offset_ns * 1e-9:+g} s" if self._offset_ns else ""
+        return f"{self._source.description}{first}{shifted}"
+
+    def __len__(self) -> int:
+        return len(self._source) if self._limit is None else min(self._limit, len(self._source))
+
+    def __iter__(self) -> Iterator[Scan]:
+        for scan in islice(self._source, self._limit):
+            yield replace(scan, stamp_ns=scan.stamp_ns + self._offset_ns) if self._offset_ns else scan
