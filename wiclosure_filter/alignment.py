@@ -18,6 +18,7 @@ from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.links import Links, links_between
 from wiclosure.wiclosure_filter.observations import Observations
+from wiclosure.wiclosure_filter.refinement import displacements_in_a, seen_by_receiver
 
 
 def align(
@@ -95,10 +96,13 @@ def _hypothesis(found: AnchoredPeaks, row: int, links: Links) -> AlignmentHypoth
 
 def _paths_kept(found: AnchoredPeaks, state: FloatArray, links: Links) -> tuple[tuple[int, int], ...]:
     """The path of each measurement that more likely than not is the direct one; -1 for a range without direction."""
-    path, in_sight, obstructed = (part[0] for part in found.mixture.responsibilities(state[None]))
+    observations = found.mixture.observations
+    _, w = displacements_in_a(state[None], observations)
+    explanation = found.mixture.explain(seen_by_receiver(w, state[None, :1], ~observations.a_receives))
+    path = explanation.path[0]
     best = np.argmax(path, axis=1)
     direct = path[np.arange(len(links)), best] > 0.5
-    ranged = links.has_range & (in_sight + obstructed > 0.5)
+    ranged = links.has_range & (explanation.in_sight[0] + explanation.obstructed[0] > 0.5)
     chosen = np.where(direct, links.path[np.arange(len(links)), best], -1)
     kept = direct | ranged
     return tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], chosen[kept], strict=True))

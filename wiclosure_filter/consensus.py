@@ -17,13 +17,14 @@ from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.mixture import Mixture
 from wiclosure.wiclosure_filter.observations import Observations, drift_from
 from wiclosure.wiclosure_filter.proposals import Correspondences
-from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb
+from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb, displacement_m
 
 _ANCHORS = 4
 _QUICK_LOOK = 32  # measurements in the first scoring
 _CLIMBERS = 48  # proposals that are refined, at few measurements
-_CLIMBER_ROWS = 6_000  # proposals times measurements that are refined, at many
+_CLIMBER_ROWS = 2_000  # proposals times measurements that are refined, at many
 _ROWS_AN_ANCHOR = 25
+_APART_M = 1.0  # proposals nearer than this climb to the same peak
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def consensus(
             drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
             mixture = Mixture.of(observations, settings.radio, drift)
             peaks = climb(_promising(states, mixture, prior), mixture, prior)
-            found.append(AnchoredPeaks(_distinct(peaks, observations), mixture))
+            found.append(AnchoredPeaks(peaks.distinct(observations), mixture))
     return max(found, key=lambda one: float(one.peaks.log_posterior[0])) if found else None
 
 
@@ -110,30 +111,10 @@ def _promising(states: FloatArray, mixture: Mixture, prior: Prior) -> FloatArray
 
 def _apart(states: FloatArray, observations: Observations, limit: int) -> FloatArray:
     """The first `limit` states of which no two are nearly the same."""
-    kept: list[int] = []
-    spread = max(float(np.sqrt((observations.b[:, :2] ** 2).sum(axis=1).mean())), 1.0)
-    place = np.column_stack([spread * np.cos(states[:, 0]), spread * np.sin(states[:, 0]), states[:, 1:3]])
+    states = states[: 20 * limit]
     free = np.ones(len(states), bool)
-    while free.any() and len(kept) < limit:
-        first = int(np.argmax(free))
-        kept.append(first)
-        free &= ((place - place[first]) ** 2).sum(axis=1) > 1.0
-    return states[kept]
-
-
-def _distinct(peaks: Peaks, observations: Observations) -> Peaks:
-    """Peaks best first, without those that lie within another's reach."""
-    order = np.argsort(-peaks.log_posterior, kind="stable")
     kept: list[int] = []
-    for row in order:
-        if all(displacement_m(peaks.states[row], peaks.states[other], observations) > 0.5 for other in kept):
-            kept.append(int(row))
-    return peaks.subset(np.array(kept))
-
-
-def displacement_m(state: FloatArray, other: FloatArray, observations: Observations) -> float:
-    """Root mean square distance between the places that two transforms give to b's antennas."""
-    at, there = (observations.frame_transform(s) for s in (state, other))
-    b = observations.b + observations.centre_b
-    moved = b @ (at[:3, :3] - there[:3, :3]).T + at[:3, 3] - there[:3, 3]
-    return float(np.sqrt((moved[:, :2] ** 2).sum(axis=1).mean()))
+    while free.any() and len(kept) < limit:
+        kept.append(int(np.argmax(free)))
+        free &= displacement_m(states, states[kept[-1]], observations) > _APART_M
+    return states[kept]

@@ -20,7 +20,7 @@ from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment_settings import RadioSettings
 from wiclosure.wiclosure_filter.observations import Observations
 
-_MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild
+MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild
 _CHUNK = 400_000  # proposals x measurements x paths at a time: stays in the processor's cache
 
 
@@ -77,8 +77,8 @@ class Mixture:
     def _bearings(self, v: tuple[FloatArray, ...], flat_distance: FloatArray, distance: FloatArray) -> FloatArray:
         observations = self.observations
         mixture = np.full(distance.shape, self.radio.direct_path_absent, np.float32)
-        inverse_flat = 1 / np.maximum(flat_distance, _MIN_DISTANCE_M)
-        inverse = 1 / np.maximum(distance, _MIN_DISTANCE_M) if not observations.flat.all() else inverse_flat
+        inverse_flat = 1 / np.maximum(flat_distance, MIN_DISTANCE_M)
+        inverse = 1 / np.maximum(distance, MIN_DISTANCE_M) if not observations.flat.all() else inverse_flat
         gain = self.peak.astype(np.float32)
         kappa = self.kappa.astype(np.float32)
         u = observations.direction.astype(np.float32)
@@ -110,22 +110,36 @@ class Mixture:
         floor = np.where(ranged, radio.range_outlier, 1.0).astype(distance.dtype)
         return floor + in_sight + obstructed, in_sight, obstructed
 
-    def responsibilities(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Which part of the mixture explains each measurement, for N states.
-
-        Returns:
-            Path `(N, M, K)` (the rest to 1 is "no direct path"), range in sight and range obstructed, `(N, M)`.
-        """
-        v = displacement(states, self.observations, np.float64)
-        flat_distance = np.maximum(np.hypot(v[0], v[1]), _MIN_DISTANCE_M)
-        distance = np.maximum(np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2), _MIN_DISTANCE_M)
-        u, flat = self.observations.direction, self.observations.flat
-        cosine = np.einsum("cnm,mkc->nmk", np.stack(v), u)
-        cosine /= np.where(flat, flat_distance[..., None], distance[..., None])
+    def explain(self, v: FloatArray) -> Explanation:
+        """Which part of the mixture explains each measurement, for displacements `(N, M, 3)` (see `Links`)."""
+        observations = self.observations
+        flat_distance = np.maximum(np.hypot(v[..., 0], v[..., 1]), MIN_DISTANCE_M)
+        distance = np.maximum(np.linalg.norm(v, axis=-1), MIN_DISTANCE_M)
+        cosine = np.matmul(observations.direction, v[..., None])[..., 0]
+        cosine /= np.where(observations.flat, flat_distance[..., None], distance[..., None])
         path = self.peak * np.exp(self.kappa * (cosine - 1))
-        path /= self.radio.direct_path_absent + path.sum(axis=-1, keepdims=True) + 1e-300
+        absent = np.where(observations.has_bearing, max(self.radio.direct_path_absent, 1e-12), 1.0)
+        bearing = absent + path.sum(axis=-1)
         total, in_sight, obstructed = self._ranges(distance)
-        return path, in_sight / total, obstructed / total
+        log_likelihood = np.log(bearing) + np.log(np.maximum(total, 1e-12))
+        total = np.maximum(total, 1e-300)
+        return Explanation(log_likelihood, path / bearing[..., None], in_sight / total, obstructed / total)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What explains M measurements, for N states.
+
+    Args:
+        log_likelihood: `(N, M)`.
+        path: `(N, M, K)` probability that each path is the direct one; the rest to 1 is "none of them".
+        in_sight, obstructed: `(N, M)` probability of the range's two honest explanations; the rest is a gross error.
+    """
+
+    log_likelihood: FloatArray
+    path: FloatArray
+    in_sight: FloatArray
+    obstructed: FloatArray
 
 
 def displacement(

@@ -10,13 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.mixture import Mixture
+from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.links import BoolArray
+from wiclosure.wiclosure_filter.mixture import MIN_DISTANCE_M, Mixture
 from wiclosure.wiclosure_filter.observations import Observations
 
-_STEPS = 15
+_FIRST_STEPS = 5
+_LAST_STEPS = 15
+SAME_PEAK_M = 0.3
 _DAMPING = 1e-3
-_MIN_DISTANCE_M = 0.3
 _CONVERGED = 1e-7
 
 
@@ -77,26 +79,48 @@ class Peaks:
     def __len__(self) -> int:
         return len(self.states)
 
-    def subset(self, rows: FloatArray) -> Peaks:
+    def subset(self, rows: IntArray) -> Peaks:
         """The peaks at `rows`."""
         return Peaks(self.states[rows], self.log_posterior[rows], self.information[rows])
 
+    def distinct(self, observations: Observations) -> Peaks:
+        """Best first, without those that stand where a better one does."""
+        ordered = self.subset(np.argsort(-self.log_posterior, kind="stable"))
+        return ordered.subset(_apart(ordered.states, observations, len(ordered)))
 
-def climb(states: FloatArray, mixture: Mixture, prior: Prior) -> Peaks:
-    """Refines states `(N, 4)` to the nearest peaks."""
-    states = states.copy()
-    best, best_value = states.copy(), mixture.log_likelihood(states) + prior.log_density(states)
-    for _ in range(_STEPS):
-        information, gradient = _normal_equations(states, mixture, prior)
-        step = _solved(information, gradient)
-        states = states + step
-        value = mixture.log_likelihood(states) + prior.log_density(states)
+
+def climb(states: FloatArray, mixture: Mixture, prior: Prior, finalists: int = 8) -> Peaks:
+    """Refines states `(N, 4)` to the nearest peaks; only the `finalists` most promising go all the way."""
+    climbed = _steps(states, mixture, prior, _FIRST_STEPS)
+    finalist = climbed.distinct(mixture.observations).states[:finalists]
+    return _steps(finalist, mixture, prior, _LAST_STEPS)
+
+
+def _apart(states: FloatArray, observations: Observations, limit: int) -> IntArray:
+    """Rows of the first `limit` states of which no two are the same place, nearly."""
+    apart = displacement_m(states[:, None], states[None, :], observations) > SAME_PEAK_M
+    kept: list[int] = []
+    for row in range(len(states)):
+        if len(kept) < limit and apart[row, kept].all():
+            kept.append(row)
+    return np.array(kept, np.int64)
+
+
+def _steps(states: FloatArray, mixture: Mixture, prior: Prior, count: int) -> Peaks:
+    """At most `count` steps uphill; the best of the way is kept."""
+    best, best_value = states, np.full(len(states), -np.inf)
+    best_information = np.zeros((len(states), 4, 4))
+    for left in range(count, -1, -1):
+        value, information, gradient = _normal_equations(states, mixture, prior)
         better = value > best_value
-        best[better], best_value[better] = states[better], value[better]
-        if np.abs(step).max(initial=0.0) < _CONVERGED:
+        best = np.where(better[:, None], states, best)
+        best_value = np.where(better, value, best_value)
+        best_information = np.where(better[:, None, None], information, best_information)
+        step = _solved(information, gradient)
+        if left == 0 or np.abs(step).max(initial=0.0) < _CONVERGED:
             break
-    information, _ = _normal_equations(best, mixture, prior)
-    return Peaks(best, best_value, information)
+        states = states + step
+    return Peaks(best, best_value, best_information)
 
 
 def _solved(information: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -109,15 +133,23 @@ def _solved(information: FloatArray, gradient: FloatArray) -> FloatArray:
     return np.asarray(step / np.maximum(shrink, 1.0)[:, None])
 
 
-def _normal_equations(states: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton information `(N, 4, 4)` and gradient `(N, 4)` under the current responsibilities."""
-    rows = residual_rows(states, mixture)
-    counted = mixture.observations.independence[None, :, None]
-    weighted = rows.weight * counted
-    information = np.einsum("nmr,nmri,nmrj->nij", weighted, rows.jacobian, rows.jacobian, optimize=True)
-    gradient = np.einsum("nmr,nmr,nmri->ni", weighted, rows.residual, rows.jacobian, optimize=True)
+def _normal_equations(states: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log-posterior `(N,)`, Gauss-Newton information `(N, 4, 4)` and gradient `(N, 4)` at N states."""
+    observations = mixture.observations
+    turned, w = displacements_in_a(states, observations)
+    rows = residual_rows(w, states[:, :1], mixture)
+    jacobian = np.empty((*rows.by_w.shape[:-1], 4))
+    jacobian[..., 1:] = rows.by_w
+    jacobian[..., 0] = rows.by_yaw
+    jacobian[..., 0] += rows.by_w[..., 1] * turned[..., None, 0] - rows.by_w[..., 0] * turned[..., None, 1]
+    weighted = (rows.weight * observations.independence[:, None]).reshape(len(states), -1, 1)
+    jacobian = jacobian.reshape(len(states), -1, 4)
+    transposed = np.swapaxes(weighted * jacobian, 1, 2)
+    information = transposed @ jacobian
+    gradient = (transposed @ rows.residual.reshape(len(states), -1, 1))[..., 0]
     prior.add_to(states, information, gradient)
-    return information, gradient
+    value = rows.log_likelihood @ observations.independence + prior.log_density(states)
+    return value, information, gradient
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,57 +157,81 @@ class ResidualRows:
     """Three residuals a measurement: azimuth, elevation, range (measured minus predicted), of N states.
 
     Args:
+        log_likelihood: `(N, M)` of the measurements.
         residual, weight: `(N, M, 3)`; weights are expected inverse variances, 0 where nothing was measured.
-        jacobian: `(N, M, 3, 4)` of the prediction by the state.
+        by_w: `(N, M, 3, 3)` derivative of the predictions by the displacement in a's axes.
+        by_yaw: `(N, M, 3)` by the relative yaw at a fixed displacement.
     """
 
+    log_likelihood: FloatArray
     residual: FloatArray
     weight: FloatArray
-    jacobian: FloatArray
+    by_w: FloatArray
+    by_yaw: FloatArray
 
 
-def residual_rows(states: FloatArray, mixture: Mixture) -> ResidualRows:
-    """Residuals, weights and Jacobians of all measurements at N states."""
+def residual_rows(w: FloatArray, yaw: FloatArray, mixture: Mixture) -> ResidualRows:
+    """Residuals, weights and derivatives of all measurements.
+
+    Args:
+        w: `(N, M, 3)` antenna a to antenna b, in a's odometry axes.
+        yaw: `(N, 1)` or `(N, M)` relative yaw.
+        mixture: of the measurements.
+    """
     observations = mixture.observations
-    turned, w = _displacements_in_a(states, observations)
-    flat_distance = np.maximum(np.hypot(w[..., 0], w[..., 1]), _MIN_DISTANCE_M)
-    distance = np.maximum(np.linalg.norm(w, axis=-1), _MIN_DISTANCE_M)
-    path, in_sight, obstructed = mixture.responsibilities(states)
+    back = ~observations.a_receives
+    explanation = mixture.explain(seen_by_receiver(w, yaw, back))
+    flat_distance = np.maximum(np.hypot(w[..., 0], w[..., 1]), MIN_DISTANCE_M)
+    distance = np.maximum(np.linalg.norm(w, axis=-1), MIN_DISTANCE_M)
+    residual, weight = np.zeros(w.shape), np.zeros(w.shape)
 
-    shape = (*w.shape[:2], 3)
-    residual, weight, jacobian = np.zeros(shape), np.zeros(shape), np.zeros((*shape, 4))
-    by_w = np.zeros((*shape, 3))  # azimuth, elevation and range by the displacement
+    azimuth = np.arctan2(w[..., 1], w[..., 0]) + np.where(back, np.pi - yaw, 0.0)
+    measured = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])
+    path_weight = explanation.path * mixture.kappa
+    weight[..., 0] = path_weight.sum(axis=-1)
+    residual[..., 0] = _mean(path_weight, _wrapped(measured - azimuth[..., None]), weight[..., 0])
+    if not observations.flat.all():
+        elevation = np.where(back, -1.0, 1.0) * np.arctan2(w[..., 2], flat_distance)
+        rising = np.arcsin(np.clip(observations.direction[..., 2], -1, 1))
+        path_weight = np.where(observations.flat, 0.0, path_weight)
+        weight[..., 1] = path_weight.sum(axis=-1)
+        residual[..., 1] = _mean(path_weight, rising - elevation[..., None], weight[..., 1])
+
+    excess = np.where(np.isfinite(observations.range_m), observations.range_m, 0.0) - distance
+    sure = explanation.in_sight / mixture.range_variance
+    vague = explanation.obstructed / (mixture.range_variance + mixture.radio.range_bias_m**2)
+    weight[..., 2] = sure + vague
+    residual[..., 2] = excess - mixture.radio.range_bias_m * vague / np.maximum(weight[..., 2], 1e-12)
+    by_yaw = np.zeros(w.shape)
+    by_yaw[:, back, 0] = -1.0
+    by_w = _derivative_by_displacement(w, flat_distance, distance)
+    by_w[:, back, 1] *= -1.0
+    return ResidualRows(explanation.log_likelihood, residual, weight, by_w, by_yaw)
+
+
+def _derivative_by_displacement(w: FloatArray, flat_distance: FloatArray, distance: FloatArray) -> FloatArray:
+    """Azimuth, elevation and range of w `(N, M, 3)`, derived by w: `(N, M, 3, 3)`."""
+    by_w = np.zeros((*w.shape, 3))
     by_w[..., 0, 0], by_w[..., 0, 1] = -w[..., 1] / flat_distance**2, w[..., 0] / flat_distance**2
     tilt = w[..., 2] / (flat_distance * distance**2)
     by_w[..., 1, 0], by_w[..., 1, 1] = -w[..., 0] * tilt, -w[..., 1] * tilt
     by_w[..., 1, 2] = flat_distance / distance**2
     by_w[..., 2, :] = w / distance[..., None]
-    jacobian[..., 1:] = by_w
-    jacobian[..., 0] = by_w[..., 1] * turned[..., None, 0] - by_w[..., 0] * turned[..., None, 1]
-    back = ~observations.a_receives
-    jacobian[:, back, 0, 0] -= 1.0
-    jacobian[:, back, 1] *= -1.0
-
-    azimuth = np.arctan2(w[..., 1], w[..., 0]) + np.where(back, np.pi - states[:, :1], 0.0)
-    elevation = np.where(back, -1.0, 1.0) * np.arctan2(w[..., 2], flat_distance)
-    measured = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])
-    rising = np.arcsin(np.clip(observations.direction[..., 2], -1, 1))
-    path_weight = path * mixture.kappa
-    weight[..., 0] = path_weight.sum(axis=-1)
-    residual[..., 0] = _mean(path_weight, _wrapped(measured - azimuth[..., None]), weight[..., 0])
-    path_weight = np.where(observations.flat, 0.0, path_weight)
-    weight[..., 1] = path_weight.sum(axis=-1)
-    residual[..., 1] = _mean(path_weight, rising - elevation[..., None], weight[..., 1])
-
-    excess = np.nan_to_num(observations.range_m) - distance
-    sure = in_sight / mixture.range_variance
-    vague = obstructed / (mixture.range_variance + mixture.radio.range_bias_m**2)
-    weight[..., 2] = sure + vague
-    residual[..., 2] = excess - mixture.radio.range_bias_m * vague / np.maximum(weight[..., 2], 1e-12)
-    return ResidualRows(residual, weight, jacobian)
+    return by_w
 
 
-def _displacements_in_a(states: FloatArray, observations: Observations) -> tuple[FloatArray, FloatArray]:
+def seen_by_receiver(w: FloatArray, yaw: FloatArray, back: BoolArray) -> FloatArray:
+    """Receiver to transmitter in the receiver's odometry axes."""
+    if not back.any():
+        return w
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    from_b = -np.stack(
+        [cosine * w[..., 0] + sine * w[..., 1], cosine * w[..., 1] - sine * w[..., 0], w[..., 2]], axis=-1
+    )
+    return np.asarray(np.where(back[:, None], from_b, w))
+
+
+def displacements_in_a(states: FloatArray, observations: Observations) -> tuple[FloatArray, FloatArray]:
     """`R b (N, M, 3)` and antenna a to antenna b in a's odometry axes `(N, M, 3)`."""
     cosine, sine = np.cos(states[:, :1]), np.sin(states[:, :1])
     b = observations.b
@@ -184,6 +240,14 @@ def _displacements_in_a(states: FloatArray, observations: Observations) -> tuple
     turned[..., 1] = sine * b[:, 0] + cosine * b[:, 1]
     turned[..., 2] = b[:, 2]
     return turned, turned + states[:, None, 1:] - observations.a
+
+
+def displacement_m(states: FloatArray, others: FloatArray, observations: Observations) -> FloatArray:
+    """Root mean square distance between the places that two transforms give to b's antennas, horizontally."""
+    spread = (observations.b[:, :2] ** 2).sum(axis=1).mean()  # b is centred: turning and shifting do not mix
+    turned = 2 * spread * (1 - np.cos(states[..., 0] - others[..., 0]))
+    shifted = ((states[..., 1:3] - others[..., 1:3]) ** 2).sum(axis=-1)
+    return np.asarray(np.sqrt(turned + shifted))
 
 
 def _mean(weight: FloatArray, values: FloatArray, total: FloatArray) -> FloatArray:
