@@ -95,9 +95,10 @@ def distance_profiles(
 def compare(
     query: ColumnSpectra, match: ColumnSpectra, index_query: IntArray, index_match: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance `(M,)` in [0, 1] at the best shift (paper, eq. 7), and the yaw `(M,)` of the match's body in the query's.
+    """Distance `(M,)` in [0, 1] at the best shift (paper, eq. 7), and yaw `(M,)` of the match's body in the query's.
 
-    Yaws are in (-pi, pi]; a point at azimuth phi of the match is at phi + yaw of the query.  Bounded memory for any number of pairs.
+    Yaws are in (-pi, pi]: a point at azimuth phi of the match is at phi + yaw of the query.  Memory is bounded whatever
+    the number of pairs.
     """
     distance, shift = np.zeros(len(index_query)), np.zeros(len(index_query), np.int64)
     for start in range(0, len(index_query), _PAIRS_AT_ONCE):

@@ -1,0 +1,39 @@
+"""Which scans are remembered, and what is kept of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import small_gicp
+
+from wiclosure import se3
+from wiclosure.frontends.config import KeyframeSettings
+from wiclosure.types import Float32Array, FloatArray
+
+
+class KeyframeSelector:
+    """Chooses a scan whenever the robot has moved or turned enough since the last chosen one."""
+
+    def __init__(self, settings: KeyframeSettings | None = None) -> None:
+        self._settings = settings or KeyframeSettings()
+        self._T_odom_last: FloatArray | None = None
+
+    def select(self, T_odom_body: FloatArray) -> bool:
+        """Whether the scan at this pose `(4, 4)` becomes a keyframe; the first always does."""
+        if self._T_odom_last is not None and not self._moved(se3.between(self._T_odom_last, T_odom_body)):
+            return False
+        self._T_odom_last = T_odom_body
+        return True
+
+    def _moved(self, T_last_body: FloatArray) -> bool:
+        distance_m = float(np.linalg.norm(T_last_body[:3, 3]))
+        turn_rad = float(se3.rotation_angle(T_last_body))
+        return distance_m >= self._settings.distance_m or turn_rad >= self._settings.rotation_rad
+
+
+def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:
+    """One point a voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
+    if len(points) == 0:
+        return np.zeros((0, 3), np.float32)
+    # One thread: with more, the result differs from run to run.
+    means = small_gicp.voxelgrid_sampling(points, voxel_size_m, num_threads=1).points()
+    return np.asarray(means[:, :3], np.float32, order="C")
