@@ -7,6 +7,7 @@ from typing import Literal, Self
 from pydantic import Field
 
 from wiclosure.settings import Settings
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 
 
 class SharedTrajectorySettings(Settings):
@@ -18,20 +19,28 @@ class SharedTrajectorySettings(Settings):
         " shortest: each pair of poses through the one link with the shortest route (paper, eq. 13)",
     )
     node_spacing_m: float = Field(
-        default=20.0,
+        default=60.0,
         gt=0,
         description="m of road between poses of the joint estimate, besides those at links; the poses between follow"
-        " the odometry, whose drift over so short a way is far below the radio's error",
+        " the odometry, whose drift about the straight blend of both ends is far below the radio's error",
     )
-    degrees_of_freedom: Literal[4, 6] = Field(
-        default=4,
-        description="4: all odometry frames have z up, so that yaw and position of another robot's frame are unknown;"
-        " 6: free rotation",
+    node_turn_rad: float = Field(
+        default=0.7, gt=0, description="rad of turning that call for another pose: between poses the road is straight"
+    )
+    most_links: int = Field(
+        default=240,
+        ge=1,
+        description="links in the joint estimate; of more, evenly many are taken, since its cost grows with their cube",
     )
     gravity_sigma_rad: float = Field(
-        default=0.035,
+        default=0.05,
         gt=0,
-        description="rad, tilt of a gravity-aligned odometry frame (2 degrees: a vehicle at rest on a road)",
+        description="rad, tilt of an odometry frame that counts as gravity-aligned (3 degrees: a car on a slope)",
+    )
+    robust_threshold: float = Field(
+        default=2.385,
+        gt=0,
+        description="Cauchy kernel on ranges and bearings, in standard deviations (95 % efficient without outliers)",
     )
 
 
@@ -92,6 +101,7 @@ class RangeGateSettings(Settings):
 class FilterSettings(Settings):
     """Everything that `make_filter` needs."""
 
+    alignment: AlignmentSettings = AlignmentSettings()
     shared_trajectory: SharedTrajectorySettings = SharedTrajectorySettings()
     gate: GateSettings = GateSettings()
     on_ambiguous: Literal["pass", "reject", "raise"] = Field(
@@ -105,7 +115,9 @@ class FilterSettings(Settings):
 
     @classmethod
     def as_in_paper(cls) -> Self:
-        """One link for each pair of poses, and the Mahalanobis gate."""
+        """Pairwise consistency, one link for each pair of poses, and the Mahalanobis gate."""
         return cls(
-            shared_trajectory=SharedTrajectorySettings(method="shortest"), gate=GateSettings(method="mahalanobis")
+            alignment=AlignmentSettings(multipath="pcm"),
+            shared_trajectory=SharedTrajectorySettings(method="shortest"),
+            gate=GateSettings(method="mahalanobis"),
         )

@@ -79,8 +79,8 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
     Raises:
         InputError: more pairs pass than can be listed.
     """
-    tree_a = SegmentTree.of(model.a.positions, model.a.extra_variance)
-    tree_b = SegmentTree.of(model.b.positions, model.b.extra_variance)
+    tree_a = SegmentTree.of(model.a.positions, model.a.own_variance)
+    tree_b = SegmentTree.of(model.b.positions, model.b.own_variance)
     root = np.zeros(1, np.int64)
     waiting = [(max(len(tree_a.heights), len(tree_b.heights)) - 1, root, root)]
     kept: list[KeptPairs] = []
@@ -121,7 +121,7 @@ def _bounds(
     """Shortest distance, largest variance and smallest spread `(K,)` of all pairs of keyframes of two segments."""
     level_a, level_b = tree_a.heights[height_a], tree_b.heights[height_b]
     largest, smallest = model.bounds(*tree_a.keyframes(height_a, segment_a), *tree_b.keyframes(height_b, segment_b))
-    largest = largest + level_a.extra_variance[segment_a] + level_b.extra_variance[segment_b]
+    largest = largest + level_a.own_variance[segment_a] + level_b.own_variance[segment_b]
     return box_distance(level_a, segment_a, level_b, segment_b), largest, smallest
 
 

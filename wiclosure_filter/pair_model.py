@@ -3,7 +3,7 @@
 The displacement of keyframe k of robot b from keyframe p of robot a is Gaussian with
 
     mean        positions_b[k] - positions_a[p]
-    covariance  C(p, k) + (extra_a[p] + extra_b[k]) * I
+    covariance  C(p, k) + own_a[p] + own_b[k]
 
 where C comes from a table that is much coarser than the keyframes: rows are *nodes* of a, columns nodes of b, and each
 keyframe lies between two nodes.  C(p, k) blends the four entries around it with weights that sum to one.  Since a
@@ -29,18 +29,23 @@ class KeyframePlaces:
 
     Args:
         positions: `(N, d)` in the shared frame, metres.
-        extra_variance: `(N,)` m^2, what the nodes do not explain, in every direction.
+        own_covariance: `(N, d, d)` m^2, what the nodes do not explain.
         node: `(N,)` the node before each keyframe, increasing.
         fraction: `(N,)` weight of the node after it, in [0, 1]; 0 where there is none.
     """
 
     positions: FloatArray
-    extra_variance: FloatArray
+    own_covariance: FloatArray
     node: IntArray
     fraction: FloatArray
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    @cached_property
+    def own_variance(self) -> FloatArray:
+        """`(N,)` m^2, largest variance of `own_covariance` in any direction."""
+        return spread(self.own_covariance)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +75,7 @@ class PairModel:
         below, right = np.minimum(row + 1, self.table.shape[0] - 1), np.minimum(column + 1, self.table.shape[1] - 1)
         blended = (1 - f) * ((1 - g) * self.table[row, column] + g * self.table[row, right])
         blended += f * ((1 - g) * self.table[below, column] + g * self.table[below, right])
-        extra = self.a.extra_variance[p] + self.b.extra_variance[k]
-        return np.asarray(blended + extra[:, None, None] * np.eye(self.table.shape[-1]))
+        return np.asarray(blended + self.a.own_covariance[p] + self.b.own_covariance[k])
 
     def applies(self, p: IntArray, k: IntArray) -> NDArray[np.bool_]:
         """Which pairs this model answers for."""

@@ -33,7 +33,15 @@ def _make_range_gate(settings: FilterSettings, ground_truth: GroundTruth | None)
     return RangeGateFilter(settings.range_gate)
 
 
+def _make_wiclosure(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
+    # GTSAM takes half a second to import: the other filters do without.
+    from wiclosure.wiclosure_filter.filter import WiClosureFilter
+
+    return WiClosureFilter(settings)
+
+
 FILTERS: dict[str, FilterFactory] = {
+    "wiclosure": _make_wiclosure,
     "none": _make_none,
     "random": _make_random,
     "oracle": _make_oracle,

@@ -22,12 +22,12 @@ class Segments:
 
     Args:
         low, high: `(S, d)` corners of the boxes, metres.
-        extra_variance: `(S,)` m^2, largest `extra_variance` of the keyframes in each.
+        own_variance: `(S,)` m^2, largest `own_variance` of the keyframes in each.
     """
 
     low: FloatArray
     high: FloatArray
-    extra_variance: FloatArray
+    own_variance: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,29 +43,29 @@ class SegmentTree:
     heights: tuple[Segments, ...]
 
     @classmethod
-    def of(cls, positions: FloatArray, extra_variance: FloatArray) -> SegmentTree:
+    def of(cls, positions: FloatArray, own_variance: FloatArray) -> SegmentTree:
         """Builds the hierarchy of N >= 1 keyframes.
 
         Args:
             positions: `(N, d)`, in the frame that both robots share.
-            extra_variance: `(N,)` m^2 of each keyframe's own (see `pair_model`).
+            own_variance: `(N,)` m^2 of each keyframe's own (see `pair_model`).
         """
         starts = np.arange(0, len(positions), LEAF)
         heights = [
             Segments(
                 np.minimum.reduceat(positions, starts),
                 np.maximum.reduceat(positions, starts),
-                np.maximum.reduceat(extra_variance, starts),
+                np.maximum.reduceat(own_variance, starts),
             )
         ]
-        while len(heights[-1].extra_variance) > 1:
+        while len(heights[-1].own_variance) > 1:
             below = heights[-1]
-            starts = np.arange(0, len(below.extra_variance), 2)
+            starts = np.arange(0, len(below.own_variance), 2)
             heights.append(
                 Segments(
                     np.minimum.reduceat(below.low, starts),
                     np.maximum.reduceat(below.high, starts),
-                    np.maximum.reduceat(below.extra_variance, starts),
+                    np.maximum.reduceat(below.own_variance, starts),
                 )
             )
         return cls(len(positions), tuple(heights))
@@ -77,7 +77,7 @@ class SegmentTree:
 
     def count(self, height: int) -> int:
         """How many segments there are at a height."""
-        return len(self.heights[height].extra_variance)
+        return len(self.heights[height].own_variance)
 
 
 def box_distance(a: Segments, segment_a: IntArray, b: Segments, segment_b: IntArray) -> FloatArray:

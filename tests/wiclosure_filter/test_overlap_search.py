@@ -20,9 +20,10 @@ def random_places(rng: np.random.Generator, size: int, nodes: int, d: int, exten
     heading = np.cumsum(rng.normal(0, 0.3, size)) + rng.uniform(0, 6)
     step = rng.choice([0.5, 2.0, 10.0]) * np.stack([np.cos(heading), np.sin(heading), 0.1 * heading], axis=1)[:, :d]
     node = np.sort(rng.integers(0, nodes, size))
+    own = rng.uniform(-1, 1, (size, d, d))
     return KeyframePlaces(
         positions=np.cumsum(step, axis=0) + rng.uniform(-extent, extent, d),
-        extra_variance=rng.choice([0.0, 1e-4, 1.0, 50.0]) * rng.uniform(0, 1, size),
+        own_covariance=rng.choice([0.0, 1e-4, 1.0, 50.0]) * own @ np.swapaxes(own, 1, 2),
         node=node,
         fraction=np.where(node < nodes - 1, rng.uniform(0, 1, size), 0.0),
     )
@@ -103,7 +104,7 @@ def crossing_roads(size: int) -> PairModel:
     places = [
         KeyframePlaces(
             np.stack([along, side * apart], axis=1),
-            np.zeros(size),
+            np.zeros((size, 2, 2)),
             np.minimum(np.arange(size) * 10 // size, 8),
             np.full(size, 0.5),
         )

@@ -140,5 +140,5 @@ def test_range_gate_ignores_what_it_cannot_place(odometry: dict[str, Trajectory]
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'wifi'; choose one of none, random"):
+    with pytest.raises(ConfigError, match=r"'wifi'; choose one of wiclosure, none, random"):
         make_filter("wifi", FilterSettings())

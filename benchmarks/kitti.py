@@ -1,0 +1,72 @@
+"""KITTI odometry sequences with real KISS-ICP trajectories, as several robots that start together."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.drift import DriftModel
+from wiclosure.types import FloatArray, IntArray, Trajectory
+
+DATA = Path(os.environ.get("WICLOSURE_DATA", Path(__file__).resolve().parent.parent.parent / "shared" / "data"))
+ROBOTS = ("alpha", "beta", "gamma")
+FRAME_NS = 100_000_000  # 10 Hz; the recordings' own times differ by microseconds
+
+
+@dataclass(frozen=True)
+class Team:
+    """Robots with ground truth in one frame and odometry each in its own; equal stamps in both."""
+
+    truth: dict[str, Trajectory]
+    odometry: dict[str, Trajectory]
+
+    def keyframes(self, spacing_m: float) -> Team:
+        """Every so many metres of odometry."""
+        chosen = {name: every(t, spacing_m) for name, t in self.odometry.items()}
+        return Team(
+            {name: self.truth[name].subset(rows) for name, rows in chosen.items()},
+            {name: self.odometry[name].subset(rows) for name, rows in chosen.items()},
+        )
+
+
+def every(trajectory: Trajectory, spacing_m: float) -> IntArray:
+    """Poses at least so many metres from the one chosen before."""
+    chosen = [0]
+    for row, position in enumerate(trajectory.positions):
+        if np.linalg.norm(position - trajectory.positions[chosen[-1]]) >= spacing_m:
+            chosen.append(row)
+    return np.array(chosen, np.int64)
+
+
+def lidar_poses(kind: str, sequence: str) -> FloatArray:
+    """`(N, 4, 4)` of `gt` or `kiss_icp`, turned from camera to LiDAR axes (x forward, y left, z up)."""
+    folder = DATA / "kitti_odometry"
+    T_camera_lidar = np.eye(4)
+    for line in (folder / "00_calib.txt").read_text().splitlines():
+        if line.startswith("Tr:"):
+            T_camera_lidar[:3] = np.array(line.split()[1:], float).reshape(3, 4)
+    rows = np.loadtxt(folder / kind / f"{sequence}.txt").reshape(-1, 3, 4)
+    # Six digits in the file: make rotations orthonormal again.
+    U, _, Vt = np.linalg.svd(rows[:, :, :3])
+    T_start_camera = se3.from_rotation_translation(U @ Vt, rows[:, :, 3])
+    return np.asarray(se3.inverse(T_camera_lidar) @ T_start_camera @ T_camera_lidar)
+
+
+def thirds(sequence: str, drift: DriftModel | None = None) -> Team:
+    """Three contiguous thirds as three robots that start at the same time."""
+    truth, odometry = lidar_poses("gt", sequence), lidar_poses("kiss_icp", sequence)
+    size = len(truth) // 3
+    stamps_ns = np.arange(size, dtype=np.int64) * FRAME_NS
+    drift = drift or DriftModel()
+    parts = {robot: slice(i * size, (i + 1) * size) for i, robot in enumerate(ROBOTS)}
+    return Team(
+        {robot: Trajectory(robot, stamps_ns, truth[part]) for robot, part in parts.items()},
+        {
+            robot: Trajectory(robot, stamps_ns, se3.between(odometry[part.start], odometry[part]), drift)
+            for robot, part in parts.items()
+        },
+    )

@@ -1,0 +1,135 @@
+"""Wi-Closure: which keyframes of different robots may see the same place, by what the radio heard."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from time import perf_counter
+
+import numpy as np
+
+from wiclosure.errors import InputError
+from wiclosure.types import (
+    CandidatePairs,
+    FilterResult,
+    FrameAlignment,
+    Trajectory,
+    WirelessLog,
+    robot_pairs,
+)
+from wiclosure.wiclosure_filter.alignment import align
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.gates import make_gate
+from wiclosure.wiclosure_filter.overlap_search import KeptPairs, SearchTrace, find_overlap
+from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs
+from wiclosure.wiclosure_filter.shared_trajectory import SharedTrajectory, share_trajectories
+
+logger = logging.getLogger(__name__)
+
+
+class WiClosureFilter:
+    """Aligns the robots' frames by radio, shares their trajectories, and keeps the pairs that may overlap.
+
+    Args:
+        settings: alignment, shared trajectory, gate, and what to do where the radio cannot tell.
+    """
+
+    name = "wiclosure"
+
+    def __init__(self, settings: FilterSettings | None = None) -> None:
+        self.settings = settings or FilterSettings()
+
+    def candidates(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> FilterResult:
+        """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
+
+        Raises:
+            InputError: robots cannot be joined and `on_ambiguous` is `raise`; or more pairs pass than can be listed.
+        """
+        start = perf_counter()
+        # 1. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
+        alignments = self.align(trajectories, wireless)
+        # 2. One estimate of all trajectories, with the uncertainty of any two poses.
+        shared = share_trajectories(trajectories, wireless, alignments, self.settings)
+        # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
+        pairs = tuple(self.pairs_of(a, b, trajectories, shared) for a, b in robot_pairs(list(trajectories)))
+        diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(trajectories, alignments, shared))
+        for sentence in diagnosis:
+            logger.info(sentence)
+        return FilterResult(
+            filter_name=self.name,
+            pairs=pairs,
+            pairs_total=count_pairs(trajectories),
+            alignments=alignments,
+            diagnosis=diagnosis,
+            seconds=perf_counter() - start,
+        )
+
+    def align(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[FrameAlignment, ...]:
+        """Frame alignments of all pairs of robots that heard each other."""
+        heard = {frozenset((m.receiver, m.transmitter)) for m in wireless.measurements}
+        return tuple(
+            align(a, b, trajectories, wireless, self.settings.alignment)
+            for a, b in robot_pairs(list(trajectories))
+            if frozenset((a, b)) in heard
+        )
+
+    def pairs_of(
+        self,
+        robot_a: str,
+        robot_b: str,
+        trajectories: Mapping[str, Trajectory],
+        shared: SharedTrajectory,
+        trace: SearchTrace | None = None,
+    ) -> CandidatePairs:
+        """Kept pairs of two robots: all or none of them where nothing joins the robots."""
+        if (robot_a, robot_b) not in shared.estimates:
+            return self._unjoined(robot_a, robot_b, trajectories)
+        estimate, gate = shared.estimates[robot_a, robot_b], make_gate(self.settings.gate)
+        parts = [find_overlap(model, gate, trace) for model in estimate.models(robot_a, robot_b)]
+        kept = _best(KeptPairs.joined(parts), self.settings.gate.budget)
+        return CandidatePairs(
+            robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate
+        )
+
+    def _unjoined(self, robot_a: str, robot_b: str, trajectories: Mapping[str, Trajectory]) -> CandidatePairs:
+        if self.settings.on_ambiguous == "raise":
+            raise InputError(
+                f"the radio does not tell how {robot_a} and {robot_b} lie; add measurements, or set"
+                " on_ambiguous to pass or reject"
+            )
+        if self.settings.on_ambiguous == "reject":
+            none = np.zeros(0, np.int64)
+            return CandidatePairs.without_prediction(robot_a, robot_b, none, none)
+        return all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
+
+    def _explain(
+        self, trajectories: Mapping[str, Trajectory], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory
+    ) -> tuple[str, ...]:
+        """Why pairs of robots were not pruned, and which measurements served nothing."""
+        sentences = list(shared.diagnosis)
+        by_pair = {(a.robot_a, a.robot_b): a for a in alignments}
+        action = "passed" if self.settings.on_ambiguous == "pass" else "rejected"
+        for pair in robot_pairs(list(trajectories)):
+            alignment = by_pair.get(pair)
+            reason = "no measurement between the robots" if alignment is None else alignment.reason
+            if pair not in shared.estimates:
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; every pair is {action}")
+            elif alignment is not None and alignment.ambiguous:
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
+        return tuple(sentences)
+
+
+def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[str, ...]:
+    """One sentence on robots in the log that have no trajectory."""
+    unknown = sorted(wireless.robots() - set(trajectories))
+    if not unknown:
+        return ()
+    return (f"the wireless log names {', '.join(unknown)}, of which there is no trajectory; left out",)
+
+
+def _best(kept: KeptPairs, budget: int | None) -> KeptPairs:
+    """The most probable pairs, at most `budget`; still sorted by a, then b."""
+    if budget is None or len(kept.index_a) <= budget:
+        return kept
+    order = np.argsort(-kept.overlap_probability, kind="stable")[:budget]
+    return kept.rows(np.sort(order))

@@ -1,0 +1,138 @@
+"""A long trajectory as few graph nodes: where the radio was heard, at both ends, and every so many metres between.
+
+A node is a frame with the axes of the robot's odometry frame and its origin at an antenna or a keyframe.  Hence
+odometry between nodes is a pure translation, lever arms are dealt with, and bearings need no further turning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.drift import AccumulatedDrift, DriftModel
+from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
+
+# Nodes without a link, for each robot: of longer trajectories the nodes lie further apart.
+MOST_NODES = 100
+
+# Odometry between two antennas heard at one keyframe: never quite certain, so that no covariance is singular.
+LEAST_SIGMA = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class GraphNodes:
+    """The K nodes of one robot.
+
+    Args:
+        trajectory: the keyframes.
+        drift: of the odometry; biases are part of its random walk (see `without_bias`).
+        keyframe: `(K,)` nearest keyframe, increasing; the first and the last keyframe have nodes.
+        position: `(K, 3)` in the odometry frame.
+        of_link: `(L,)` node of each link position that was given.
+    """
+
+    trajectory: Trajectory
+    drift: DriftModel
+    keyframe: IntArray
+    position: FloatArray
+    of_link: IntArray
+
+    @classmethod
+    def along(
+        cls, trajectory: Trajectory, keyframe: IntArray, position: FloatArray, settings: SharedTrajectorySettings
+    ) -> GraphNodes:
+        """Nodes at all link positions, and between them.
+
+        Args:
+            trajectory: the keyframes.
+            keyframe: `(L,)` keyframe nearest to each link.
+            position: `(L, 3)` antenna positions in the odometry frame.
+            settings: distances between nodes.
+        """
+        between = _stations(trajectory, keyframe, settings)
+        all_keyframes = np.concatenate([keyframe, between])
+        # In order of time; of equal keyframes in the given order.
+        order = np.argsort(all_keyframes, kind="stable")
+        of_link = np.empty(len(order), np.int64)
+        of_link[order] = np.arange(len(order))
+        positions = np.concatenate([position, trajectory.positions[between]])
+        drift = without_bias(trajectory.drift, float(trajectory.distance[-1]))
+        return cls(trajectory, drift, all_keyframes[order], positions[order], of_link[: len(keyframe)])
+
+    def __len__(self) -> int:
+        return len(self.keyframe)
+
+    def steps(self) -> tuple[FloatArray, FloatArray]:
+        """From each node to the next: translation `(K-1, 3)` and covariance `(K-1, 6, 6)`, both in odometry axes."""
+        poses = self.trajectory.poses
+        covariance = AccumulatedDrift.along(poses, self.drift).covariance(poses, self.keyframe[:-1], self.keyframe[1:])
+        R = poses[self.keyframe[1:], :3, :3]
+        to_odometry_axes = np.zeros((len(R), 6, 6))
+        to_odometry_axes[:, :3, :3] = to_odometry_axes[:, 3:, 3:] = R
+        covariance = se3.rotate_covariance(to_odometry_axes, covariance) + LEAST_SIGMA**2 * np.eye(6)
+        return np.diff(self.position, axis=0), covariance
+
+    def around_keyframes(self) -> tuple[IntArray, FloatArray]:
+        """Node before each keyframe `(N,)`, and the share `(N,)` of the way to the next node."""
+        size = len(self.trajectory)
+        before = np.clip(np.searchsorted(self.keyframe, np.arange(size), side="right") - 1, 0, max(len(self) - 2, 0))
+        after = np.minimum(before + 1, len(self) - 1)
+        distance = self.trajectory.distance
+        start, end = distance[self.keyframe[before]], distance[self.keyframe[after]]
+        share = np.divide(distance - start, end - start, out=np.zeros(size), where=end > start)
+        return before, np.clip(share, 0.0, 1.0)
+
+    def bridge_variance(self, before: IntArray, share: FloatArray) -> FloatArray:
+        """Variance `(N,)` of keyframes about the straight blend of their two nodes' errors, m^2 in any direction.
+
+        Brownian bridges over the way l between the nodes: with h = s (l - s) / l, translation adds h, rotation
+        l h^2 / 3 (its integral), and a turn somewhere on the way at most h^2.
+        """
+        after = np.minimum(before + 1, len(self) - 1)
+        way = self.trajectory.distance[self.keyframe[after]] - self.trajectory.distance[self.keyframe[before]]
+        turned = turned_so_far(self.trajectory)
+        turn = turned[self.keyframe[after]] - turned[self.keyframe[before]]
+        h = share * (1 - share) * way
+        drift = self.drift
+        return np.asarray(
+            drift.translation_walk**2 * h
+            + drift.rotation_walk**2 * way * h**2 / 3
+            + drift.rotation_walk_turning**2 * turn * h**2
+        )
+
+
+def without_bias(drift: DriftModel, length_m: float) -> DriftModel:
+    """A drift model of random walks only, that is nowhere below the given one on a trajectory of this length.
+
+    A bias' variance grows with the square of the way, b^2 s^2 <= (b^2 length) s.  Factors between neighbouring nodes
+    are independent and cannot share a bias.
+    """
+    return DriftModel(
+        translation_walk=float(np.hypot(drift.translation_walk, drift.translation_bias * np.sqrt(length_m))),
+        rotation_walk=float(np.hypot(drift.rotation_walk, drift.rotation_bias * np.sqrt(length_m))),
+        rotation_walk_turning=drift.rotation_walk_turning,
+        translation_bias=0.0,
+        rotation_bias=0.0,
+    )
+
+
+def turned_so_far(trajectory: Trajectory) -> FloatArray:
+    """`(N,)` radians turned up to each keyframe."""
+    R = trajectory.poses[:, :3, :3]
+    trace = np.einsum("nij,nij->n", R[:-1], R[1:])
+    return np.concatenate([[0.0], np.cumsum(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))])
+
+
+def _stations(trajectory: Trajectory, links: IntArray, settings: SharedTrajectorySettings) -> IntArray:
+    """Keyframes for further nodes: both ends, and so many that no two nodes are further apart than allowed."""
+    stage = trajectory.distance / settings.node_spacing_m + turned_so_far(trajectory) / settings.node_turn_rad
+    stage = stage * min(1.0, MOST_NODES / max(stage[-1], 1.0))
+    fixed = np.unique(np.concatenate([links, [0, len(trajectory) - 1]]))
+    gaps = np.ceil(np.diff(stage[fixed])).astype(np.int64)
+    gap = np.repeat(np.arange(len(gaps)), np.maximum(gaps - 1, 0))
+    nth = np.arange(len(gap)) - np.searchsorted(gap, gap) + 1
+    at = stage[fixed[gap]] + (stage[fixed[gap + 1]] - stage[fixed[gap]]) * nth / gaps[gap]
+    return np.setdiff1d(np.concatenate([np.searchsorted(stage, at), [0, len(trajectory) - 1]]), links)

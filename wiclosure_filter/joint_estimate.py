@@ -1,0 +1,284 @@
+"""One estimate over the keyframes of all robots and all links that the alignments kept (GTSAM).
+
+The paper takes one link for each pair of poses, since one link leaves the trajectories as they are.  Here all links are
+used at once, which also corrects the odometry, and robots that never heard each other are joined through a third.
+
+What is exact and what is a bound: means and joint covariance of the nodes are those of the linearised problem, with
+all their correlations.  A keyframe's error is the blend of its two nodes' errors plus a bridge between them; the
+covariance of two keyframes' displacement is taken as the blend of the four node pairs' covariances, which is never
+smaller than that of the blend (variance is convex), plus both bridges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import gtsam
+import numpy as np
+from scipy.linalg import lapack
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, FrameAlignment, IntArray
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.pair_model import KeyframePlaces, PairModel
+from wiclosure.wiclosure_filter.radio_factors import KeptLinks
+
+# Sigmas of what nothing is known of, small enough for well-conditioned equations.
+UNKNOWN_M, UNKNOWN_RAD, ANCHOR_SIGMA = 1e4, 3.0, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """The shared trajectory of the robots of one component.
+
+    The frame is the odometry frame of the first robot.
+
+    Args:
+        nodes: graph nodes of each robot.
+        first: index of each robot's first node among all nodes.
+        T_world_node: `(K, 4, 4)` of all nodes.
+        covariance: `(K, 6, K, 6)` of all nodes jointly, rotation first, both in the axes of the world frame.
+        dimensions: 2 where displacements are horizontal, 3 in space.
+    """
+
+    nodes: Mapping[str, GraphNodes]
+    first: Mapping[str, int]
+    T_world_node: FloatArray
+    covariance: FloatArray
+    dimensions: int
+
+    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+        """Predicted displacements between all keyframes of two robots."""
+        a, b = self._rows(robot_a), self._rows(robot_b)
+        d = slice(3, 3 + self.dimensions)
+        own_a, own_b = (np.einsum("ninj->nij", self.covariance[r, d, r, d]) for r in (a, b))
+        cross = np.swapaxes(self.covariance[a, d, b, d], 1, 2)
+        table = own_a[:, None] + own_b[None, :] - cross - np.swapaxes(cross, 2, 3)
+        return (PairModel(self.places[robot_a], self.places[robot_b], table),)
+
+    @cached_property
+    def places(self) -> dict[str, KeyframePlaces]:
+        """All keyframes of each robot in the shared frame."""
+        return {robot: self._places(robot) for robot in self.nodes}
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`: over the nearest nodes, with their joint covariance."""
+        node_a, T_node_a, C_a = self._nearest(robot_a, index_a)
+        node_b, T_node_b, C_b = self._nearest(robot_b, index_b)
+        T_nodes, C_nodes = self._between_nodes(node_a, node_b)
+        T_a_node = se3.inverse(T_node_a)
+        C_ab = se3.compose_covariance(se3.inverse_covariance(T_node_a, C_a), T_nodes, C_nodes)
+        C_ab = se3.compose_covariance(C_ab, T_node_b, C_b)
+        T_a_b = T_a_node @ T_nodes @ T_node_b
+        T_world_a, T_world_b = self.T_world_node[node_a] @ T_node_a, self.T_world_node[node_b] @ T_node_b
+        # The positions that the gate saw: blended, not those of the nearest node alone.
+        a, b = self._blended(robot_a, index_a), self._blended(robot_b, index_b)
+        T_world_a[:, :3, 3], T_world_b[:, :3, 3] = a, b
+        T_a_b[:, :3, 3] = se3.between(T_world_a, T_world_b)[:, :3, 3]
+        return T_a_b, C_ab
+
+    def _rows(self, robot: str) -> slice:
+        return slice(self.first[robot], self.first[robot] + len(self.nodes[robot]))
+
+    def _between_nodes(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
+        """`T_n_m` and its covariance, exact to first order."""
+        T_n_m = se3.between(self.T_world_node[n], self.T_world_node[m])
+        to_n, to_m = (_turned(np.swapaxes(self.T_world_node[i, :3, :3], 1, 2)) for i in (n, m))
+        C_nn = to_n @ self.covariance[n, :, n] @ np.swapaxes(to_n, 1, 2)
+        C_mm = to_m @ self.covariance[m, :, m] @ np.swapaxes(to_m, 1, 2)
+        C_mn = to_m @ self.covariance[m, :, n] @ np.swapaxes(to_n, 1, 2)
+        Ad = se3.adjoint(se3.inverse(T_n_m))
+        mixed = C_mn @ np.swapaxes(Ad, 1, 2)
+        return T_n_m, C_mm + se3.rotate_covariance(Ad, C_nn) - mixed - np.swapaxes(mixed, 1, 2)
+
+    def _nearest(self, robot: str, index: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Nearest node (among all), `T_node_keyframe` and the covariance of the odometry between."""
+        nodes, trajectory = self.nodes[robot], self.nodes[robot].trajectory
+        before, share = self.places[robot].node[index], self.places[robot].fraction[index]
+        node = np.where(share > 0.5, before + 1, before)
+        T_node_keyframe = trajectory.poses[index].copy()
+        T_node_keyframe[:, :3, 3] -= nodes.position[node]
+        drift = trajectory.relative_covariance(nodes.keyframe[node], index) + 1e-8 * np.eye(6)
+        return node + self.first[robot], T_node_keyframe, drift
+
+    def _blended(self, robot: str, index: IntArray) -> FloatArray:
+        return self.places3d[robot][index]
+
+    @cached_property
+    def places3d(self) -> dict[str, FloatArray]:
+        """`(N, 3)` positions of all keyframes of each robot in the shared frame."""
+        return {robot: self._positions(robot) for robot in self.nodes}
+
+    def _positions(self, robot: str) -> FloatArray:
+        nodes = self.nodes[robot]
+        before, share = nodes.around_keyframes()
+        after = np.minimum(before + 1, len(nodes) - 1)
+        T_world_node, odometry = self.T_world_node[self._rows(robot)], nodes.trajectory.positions
+        from_before, from_after = (
+            se3.transform(T_world_node[n], odometry - nodes.position[n]) for n in (before, after)
+        )
+        return from_before + share[:, None] * (from_after - from_before)
+
+    def _places(self, robot: str) -> KeyframePlaces:
+        nodes = self.nodes[robot]
+        before, share = nodes.around_keyframes()
+        after = np.minimum(before + 1, len(nodes) - 1)
+        chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
+        off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
+        turn = np.einsum("nini->n", self.covariance[self._rows(robot), :3, self._rows(robot), :3])
+        variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
+        return KeyframePlaces(
+            positions=self.places3d[robot][:, : self.dimensions],
+            own_covariance=variance[:, None, None] * np.eye(self.dimensions),
+            node=before,
+            fraction=share,
+        )
+
+
+def estimate(
+    nodes: Mapping[str, GraphNodes],
+    T_world_odom: Mapping[str, FloatArray],
+    links: Mapping[tuple[str, str], KeptLinks],
+    rows: Mapping[tuple[str, str], tuple[IntArray, IntArray]],
+    settings: FilterSettings,
+) -> JointEstimate:
+    """Optimises all nodes of one component.
+
+    Args:
+        nodes: of each robot; the first robot's odometry frame becomes the shared frame.
+        T_world_odom: first guess of each robot's odometry frame.
+        links: kept measurements of pairs of robots.
+        rows: for each pair, the node (of its robot) of each link at a and at b.
+        settings: kernel, gravity.
+    """
+    first = dict(zip(nodes, np.cumsum([0, *(len(n) for n in nodes.values())]).tolist(), strict=False))
+    graph, initial = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for robot, own in nodes.items():
+        _add_odometry(graph, initial, first[robot], own, T_world_odom[robot])
+    for number, robot in enumerate(nodes):
+        graph.add(_prior(initial, first[robot], number == 0, settings))
+    for (a, b), kept in links.items():
+        _add_links(graph, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
+    values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
+    size = len(initial.keys())
+    T_world_node = np.array([values.atPose3(k).matrix() for k in range(size)])
+    covariance = _joint_covariance(graph.linearize(values), size)
+    dimensions = 2 if settings.alignment.gravity_aligned else 3
+    return JointEstimate(nodes, first, T_world_node, _in_world_axes(covariance, T_world_node), dimensions)
+
+
+def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str, FloatArray]:
+    """`T_world_odom` of every robot that the alignments join to the first of `robots`, in order of joining."""
+    known = {robots[0]: np.eye(4)}
+    grown = True
+    while grown:
+        grown = False
+        for alignment in alignments:
+            if alignment.best is None or (alignment.robot_a in known) == (alignment.robot_b in known):
+                continue
+            if alignment.robot_a in known:
+                known[alignment.robot_b] = known[alignment.robot_a] @ alignment.best.T_a_b
+            else:
+                known[alignment.robot_a] = known[alignment.robot_b] @ se3.inverse(alignment.best.T_a_b)
+            grown = True
+    return {robot: known[robot] for robot in robots if robot in known}
+
+
+def _add_odometry(
+    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray
+) -> None:
+    T_odom_node = se3.from_rotation_translation(np.broadcast_to(np.eye(3), (len(nodes), 3, 3)), nodes.position)
+    for number, T_world_node in enumerate(T_world_odom @ T_odom_node):
+        initial.insert(first + number, gtsam.Pose3(T_world_node))
+    for number, (step, covariance) in enumerate(zip(*nodes.steps(), strict=True)):
+        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+        measured = gtsam.Pose3(gtsam.Rot3(), step)
+        graph.add(gtsam.BetweenFactorPose3(first + number, first + number + 1, measured, noise))
+
+
+def _prior(initial: gtsam.Values, key: int, anchor: bool, settings: FilterSettings) -> gtsam.NonlinearFactor:
+    """Holds the first robot; of the others only what gravity and the ground tell: tilt, and roughly the height."""
+    alignment, shared = settings.alignment, settings.shared_trajectory
+    tilt = np.sqrt(2.0) * shared.gravity_sigma_rad if alignment.gravity_aligned else alignment.tilt_sigma_rad
+    loose = np.array([tilt, tilt, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M, alignment.height_sigma_m])
+    sigmas = np.full(6, ANCHOR_SIGMA) if anchor else loose
+    return gtsam.PriorFactorPose3(key, initial.atPose3(key), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+
+
+def _add_links(
+    graph: gtsam.NonlinearFactorGraph, kept: KeptLinks, key_a: IntArray, key_b: IntArray, settings: FilterSettings
+) -> None:
+    """Ranges, bearings and headings as separate factors: a false range does not spoil a true bearing."""
+    kernel = gtsam.noiseModel.mEstimator.Cauchy(settings.shared_trajectory.robust_threshold)
+    links = kept.links
+    with_yaw = int(np.isfinite(links.yaw).sum())
+    for row in range(len(kept)):
+        a, b = int(key_a[row]), int(key_b[row])
+        receiver, transmitter = (a, b) if links.a_receives[row] else (b, a)
+        if np.isfinite(links.range_m[row]):
+            sigma = links.range_sigma_m[row]
+            robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Isotropic.Sigma(1, sigma))
+            graph.add(gtsam.RangeFactorPose3(receiver, transmitter, links.range_m[row], robust))
+        if np.isfinite(kept.direction[row]).all():
+            graph.add(_bearing(receiver, transmitter, kept.direction[row], kept.direction_covariance[row], kernel))
+        if np.isfinite(links.yaw[row]):
+            # A compass errs by its surroundings, not anew at each reading: together they count as one.
+            sigma = links.yaw_sigma[row] * np.sqrt(with_yaw)
+            sigmas = np.array([UNKNOWN_RAD, UNKNOWN_RAD, sigma, UNKNOWN_M, UNKNOWN_M, UNKNOWN_M])
+            robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+            measured = gtsam.Pose3(gtsam.Rot3.Rz(links.yaw[row]), np.zeros(3))
+            graph.add(gtsam.BetweenFactorPose3(a, b, measured, robust))
+
+
+def _bearing(
+    receiver: int,
+    transmitter: int,
+    direction: FloatArray,
+    covariance: FloatArray,
+    kernel: gtsam.noiseModel.mEstimator.Base,
+) -> gtsam.NonlinearFactor:
+    """GTSAM knows bearings to poses only together with ranges: the range gets no weight."""
+    unit = gtsam.Unit3(direction)
+    noise = np.diag([0.0, 0.0, UNKNOWN_M**2])
+    noise[:2, :2] = unit.basis().T @ covariance @ unit.basis()
+    robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Gaussian.Covariance(noise))
+    return gtsam.BearingRangeFactorPose3(receiver, transmitter, unit, 0.0, robust)
+
+
+def _joint_covariance(linear: gtsam.GaussianFactorGraph, size: int) -> FloatArray:
+    """`(6 K, 6 K)` covariance of all nodes, in their own axes."""
+    ordering = gtsam.Ordering()
+    for key in range(size):
+        ordering.push_back(key)
+    information, _ = linear.hessian(ordering)
+    factor, failed = lapack.dpotrf(np.asfortranarray(information), lower=True, clean=True)
+    if failed:
+        raise np.linalg.LinAlgError(f"the joint estimate is not determined (pivot {failed})")
+    covariance, _ = lapack.dpotri(factor, lower=True, overwrite_c=True)
+    diagonal = np.diag(covariance).copy()
+    covariance = covariance + covariance.T  # the upper half is zero
+    np.fill_diagonal(covariance, diagonal)
+    return np.asarray(covariance)
+
+
+def _in_world_axes(covariance: FloatArray, T_world_node: FloatArray) -> FloatArray:
+    """From each node's axes to the world's: `(K, 6, K, 6)`."""
+    size = len(T_world_node)
+    turn = _turned(T_world_node[:, :3, :3])
+    half = np.matmul(turn, covariance.reshape(size, 6, 6 * size)).reshape(6 * size, size, 6)
+    whole = np.matmul(half.transpose(1, 0, 2), np.swapaxes(turn, 1, 2))
+    return np.asarray(whole.transpose(1, 0, 2).reshape(size, 6, size, 6))
+
+
+def _turned(R: FloatArray) -> FloatArray:
+    """`(M, 6, 6)` that turns rotation and translation parts alike."""
+    both = np.zeros((len(R), 6, 6))
+    both[:, :3, :3] = both[:, 3:, 3:] = R
+    return both

@@ -1,0 +1,87 @@
+"""The links of an alignment: which measurements it keeps, and their directions with covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.links import Links, links_between
+
+# rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
+UNKNOWN_ELEVATION = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class KeptLinks:
+    """L measurements that an alignment keeps, each with the path that it takes for the direct one.
+
+    Args:
+        links: the measurements, one row each.
+        direction: `(L, 3)` unit vector to the transmitter in the receiver's odometry axes; NaN without a direction.
+        direction_covariance: `(L, 3, 3)` of the direction, on the tangent plane, rad^2.
+    """
+
+    links: Links
+    direction: FloatArray
+    direction_covariance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.links)
+
+    @classmethod
+    def of(
+        cls,
+        hypothesis: AlignmentHypothesis,
+        robot_a: str,
+        robot_b: str,
+        trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
+        settings: AlignmentSettings,
+    ) -> KeptLinks:
+        """Looks up what `hypothesis.paths_kept` names."""
+        links = links_between(robot_a, robot_b, trajectories, wireless, settings)
+        path_of = dict(hypothesis.paths_kept)
+        kept = np.flatnonzero([int(m) in path_of for m in links.measurement])
+        links = select(links, kept)
+        path = np.array([path_of[int(m)] for m in links.measurement], np.int64)
+        chosen = links.path == np.where(path >= 0, path, -2)[:, None]
+        direction, covariance = _directions(links, np.argmax(chosen, axis=1))
+        direction[~chosen.any(axis=1)] = np.nan
+        return cls(links, direction, covariance)
+
+    def thinned(self, most: int) -> KeptLinks:
+        """At most so many links, evenly over the time."""
+        if len(self) <= most:
+            return self
+        rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
+        return KeptLinks(select(self.links, rows), self.direction[rows], self.direction_covariance[rows])
+
+
+def select(links: Links, rows: IntArray) -> Links:
+    """Some of the measurements."""
+    scalar = {"robot_a", "robot_b", "left_out"}
+    values = {f.name: links.__dict__[f.name] for f in fields(links)}
+    return Links(**{name: value if name in scalar else value[rows] for name, value in values.items()})
+
+
+def _directions(links: Links, column: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Direction `(L, 3)` and its covariance `(L, 3, 3)` of one path of each measurement, in odometry axes."""
+    row = np.arange(len(links))
+    direction = links.direction[row, column]
+    sigma, elevation = links.sigma[row, column], links.elevation[row, column]
+    up = links.R_odom_axes[:, :, 2]
+    sideways = np.cross(up, direction)
+    length = np.linalg.norm(sideways, axis=1, keepdims=True)
+    # Straight up no azimuth is left: any two directions across will do.
+    spare = links.R_odom_axes[:, :, 0]
+    sideways = np.where(length > 1e-6, sideways / np.maximum(length, 1e-6), spare)
+    upward = np.cross(direction, sideways)
+    across = sigma * np.maximum(np.cos(np.nan_to_num(elevation)), 0.1)
+    upright = np.where(np.isnan(elevation), UNKNOWN_ELEVATION, sigma)
+    covariance = (across**2)[:, None, None] * sideways[:, :, None] * sideways[:, None, :]
+    covariance += (upright**2)[:, None, None] * upward[:, :, None] * upward[:, None, :]
+    return direction, covariance

@@ -1,0 +1,136 @@
+"""The trajectories of all robots in one frame, as far as the radio joins them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.joint_estimate import estimate, frames_from
+from wiclosure.wiclosure_filter.pair_model import PairModel
+from wiclosure.wiclosure_filter.radio_factors import KeptLinks
+from wiclosure.wiclosure_filter.shortest_route import ShortestRouteEstimate
+
+
+class SharedEstimate(Protocol):
+    """Predicts how keyframes of different robots lie to each other."""
+
+    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+        """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models."""
+        ...
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `wiclosure.types.RelativePosePredictor`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SharedTrajectory:
+    """What joins each pair of robots.
+
+    Args:
+        estimates: by pair of robots, in the order of the trajectories; pairs that nothing joins are missing.
+        diagnosis: sentences on links that were left out.
+    """
+
+    estimates: Mapping[tuple[str, str], SharedEstimate] = field(default_factory=dict)
+    diagnosis: tuple[str, ...] = ()
+
+
+def share_trajectories(
+    trajectories: Mapping[str, Trajectory],
+    wireless: WirelessLog,
+    alignments: Sequence[FrameAlignment],
+    settings: FilterSettings,
+) -> SharedTrajectory:
+    """Joins all robots that the certain ones of the alignments connect.
+
+    Args:
+        trajectories: keyframes of every robot.
+        wireless: what `paths_kept` of the alignments refers to.
+        alignments: of pairs of robots, a before b in the order of the trajectories.
+        settings: joint estimate or shortest routes.
+    """
+    certain = [a for a in alignments if a.best is not None and not a.ambiguous]
+    kept = {
+        (a.robot_a, a.robot_b): KeptLinks.of(a.best, a.robot_a, a.robot_b, trajectories, wireless, settings.alignment)
+        for a in certain
+        if a.best is not None
+    }
+    if settings.shared_trajectory.method == "shortest":
+        return _shortest(trajectories, certain, kept, settings)
+    return _joint(trajectories, certain, kept, settings)
+
+
+def _joint(
+    trajectories: Mapping[str, Trajectory],
+    alignments: Sequence[FrameAlignment],
+    kept: Mapping[tuple[str, str], KeptLinks],
+    settings: FilterSettings,
+) -> SharedTrajectory:
+    estimates: dict[tuple[str, str], SharedEstimate] = {}
+    diagnosis: list[str] = []
+    total = sum(len(links) for links in kept.values())
+    most = settings.shared_trajectory.most_links
+    if total > most:
+        diagnosis.append(f"the joint estimate uses {most} of {total} links, evenly over the time")
+        kept = {pair: links.thinned(max(1, most * len(links) // total)) for pair, links in kept.items()}
+    left = list(trajectories)
+    while left:
+        frames = frames_from(left, list(alignments))
+        left = [robot for robot in left if robot not in frames]
+        if len(frames) > 1:
+            own = {pair: links for pair, links in kept.items() if pair[0] in frames}
+            nodes, rows = _nodes({r: trajectories[r] for r in frames}, own, settings)
+            joint = estimate(nodes, frames, own, rows, settings)
+            names = list(frames)
+            estimates.update({(a, b): joint for i, a in enumerate(names) for b in names[i + 1 :]})
+    return SharedTrajectory(estimates, tuple(diagnosis))
+
+
+def _nodes(
+    trajectories: Mapping[str, Trajectory], kept: Mapping[tuple[str, str], KeptLinks], settings: FilterSettings
+) -> tuple[dict[str, GraphNodes], dict[tuple[str, str], tuple[IntArray, IntArray]]]:
+    """Graph nodes of each robot, and for each pair of robots the nodes of its links at a and at b."""
+    nodes, rows_at = {}, {}
+    for robot, trajectory in trajectories.items():
+        pairs = [pair for pair in kept if robot in pair]
+        at_a = [pair[0] == robot for pair in pairs]
+        links = [kept[pair].links for pair in pairs]
+        keyframes = [at.index_a if is_a else at.index_b for at, is_a in zip(links, at_a, strict=True)]
+        antennas = [at.antenna_a if is_a else at.antenna_b for at, is_a in zip(links, at_a, strict=True)]
+        nodes[robot] = GraphNodes.along(
+            trajectory,
+            np.concatenate([np.zeros(0, np.int64), *keyframes]),
+            np.concatenate([np.zeros((0, 3)), *antennas]),
+            settings.shared_trajectory,
+        )
+        ends = np.cumsum([len(k) for k in keyframes])[:-1]
+        rows_at[robot] = dict(zip(pairs, np.split(nodes[robot].of_link, ends), strict=True))
+    return nodes, {pair: (rows_at[pair[0]][pair], rows_at[pair[1]][pair]) for pair in kept}
+
+
+def _shortest(
+    trajectories: Mapping[str, Trajectory],
+    alignments: Sequence[FrameAlignment],
+    kept: Mapping[tuple[str, str], KeptLinks],
+    settings: FilterSettings,
+) -> SharedTrajectory:
+    estimates: dict[tuple[str, str], SharedEstimate] = {}
+    diagnosis: list[str] = []
+    for alignment in alignments:
+        pair = (alignment.robot_a, alignment.robot_b)
+        dimensions = 2 if settings.alignment.gravity_aligned else 3
+        found = ShortestRouteEstimate.of(kept[pair], alignment, trajectories, dimensions)
+        if found is None:
+            diagnosis.append(f"{pair[0]} and {pair[1]}: shortest routes need links with both range and bearing")
+        else:
+            estimates[pair] = found
+    return SharedTrajectory(estimates, tuple(diagnosis))
