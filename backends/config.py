@@ -28,6 +28,7 @@ class ClosureNoise(Settings):
 class PcmSettings(Settings):
     """Pairwise consistency maximisation (Mangelson et al. 2018)."""
 
+    enabled: bool = Field(True, description="false: every verified closure goes to the graph unchecked")
     metric: Literal["mahalanobis", "unit"] = Field(
         "mahalanobis",
         description="mahalanobis: the cycle's error is weighed by the covariances of both closures and both odometry"
@@ -107,12 +108,3 @@ class MapSettings(Settings):
     """The merged map."""
 
     voxel_size_m: float = Field(0.2, gt=0, description="m; one point a voxel: fine enough for poles and kerbs")
-
-
-class BackendSettings(Settings):
-    """All of the back end."""
-
-    use_pcm: bool = Field(True, description="check closures pairwise before the graph sees them")
-    pcm: PcmSettings = PcmSettings()
-    graph: PoseGraphSettings = PoseGraphSettings()
-    map: MapSettings = MapSettings()

@@ -65,7 +65,9 @@ class PcmResult:
         return tuple(pair.sentence for pair in self.pairs)
 
 
-def pcm(closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings) -> PcmResult:
+def pairwise_consistent(
+    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings
+) -> PcmResult:
     """Accepts, for each pair of robots, the largest set of verified closures that agree; rejects the others.
 
     Args:
@@ -76,6 +78,8 @@ def pcm(closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], set
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
+    if not settings.enabled:
+        return PcmResult(tuple(closures), ())
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
     decisions = {row: (Decision.REJECTED, reason) for row, reason in unusable.items()}
     degrees: dict[int, int] = {}

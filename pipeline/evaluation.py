@@ -19,8 +19,8 @@ class EvaluationSettings(Settings):
     closure_error_m: float = Field(
         2.0,
         gt=0,
-        description="m; an accepted closure further off ground truth is false. Ground truth itself is good to a metre or"
-        " so (GNSS, or two passes through one place), false closures are off by tens",
+        description="m; an accepted closure further off ground truth is false. Ground truth itself is good to a metre"
+        " or so (GNSS, or two passes through one place), false closures are off by tens",
     )
     closure_error_deg: float = Field(
         5.0, gt=0, description="degrees; an accepted closure turned further from ground truth is false"

@@ -11,7 +11,13 @@ from pydantic import ValidationError
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings
-from wiclosure.backends.pcm import chance_sets, consistency_matrix, cycle_error, cycle_mahalanobis_squared, pcm
+from wiclosure.backends.pcm import (
+    chance_sets,
+    consistency_matrix,
+    cycle_error,
+    cycle_mahalanobis_squared,
+    pairwise_consistent,
+)
 from wiclosure.errors import InputError
 from wiclosure.types import Decision, Trajectory
 
@@ -32,7 +38,7 @@ def test_perfect_closures_make_zero_residuals_and_one_full_clique(team_maker, se
     (z,), _ = closure_sets(closures, team.odometry, EXACT)
     first, second = np.triu_indices(8, 1)
     assert np.abs(cycle_error(z, team.odometry, first, second)).max() < 1e-5
-    assert pcm(closures, team.odometry, PcmSettings()).pairs[0].kept == 8
+    assert pairwise_consistent(closures, team.odometry, PcmSettings()).pairs[0].kept == 8
 
 
 @settings(max_examples=20, deadline=None)
@@ -81,7 +87,7 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
     team, rng = team_maker(1, noise=1.0), np.random.default_rng(1)
     true = random_closures(team, 15, rng, noise=rng)
     false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (60, 2))]
-    result = pcm(true + false, team.odometry, PcmSettings())
+    result = pairwise_consistent(true + false, team.odometry, PcmSettings())
     decisions = [c.decision for c in result.closures]
     assert decisions[15:] == [Decision.REJECTED] * 60
     assert decisions[:15].count(Decision.ACCEPTED) >= 14
@@ -92,7 +98,7 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
 @pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
 def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
     team, rng = team_maker(2), np.random.default_rng(2)
-    result = pcm(random_closures(team, count, rng), team.odometry, PcmSettings())
+    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings())
     assert result.pairs[0].kept == kept
     assert ("cannot be checked" in result.diagnosis[0]) == (count == 1)
 
@@ -106,17 +112,17 @@ def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_make
         match = mirror @ team.truth["beta"].poses[c.match.index]
         shifted[n] = replace(c, T_query_match=se3.between(query, match))
     closures = random_closures(team, 5, rng) + shifted
-    result = pcm(closures, team.odometry, PcmSettings())
+    result = pairwise_consistent(closures, team.odometry, PcmSettings())
     assert result.pairs[0].rival == result.pairs[0].largest == 5
     assert "ambiguous" in result.diagnosis[0]
     assert all(c.decision is Decision.REJECTED for c in result.closures)
-    assert pcm(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
+    assert pairwise_consistent(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
 
 
 def test_a_pair_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):
     team, rng = team_maker(5), np.random.default_rng(5)
     false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (40, 2))]
-    result = pcm(random_closures(team, 2, rng) + false, team.odometry, PcmSettings())
+    result = pairwise_consistent(random_closures(team, 2, rng) + false, team.odometry, PcmSettings())
     assert result.pairs[0].kept == 0
     assert "chance" in result.diagnosis[0]
 
@@ -133,7 +139,9 @@ def test_chance_allows_two_of_ten_and_three_of_four_hundred():
 def test_closures_within_one_robot_must_agree_with_its_odometry(team_maker):
     team, rng = team_maker(6, ("alpha",), noise=1.0), np.random.default_rng(6)
     true = team.closure(("alpha", 50), ("alpha", 3), noise=rng)
-    result = pcm([true, team.false_closure(("alpha", 40), ("alpha", 5), rng)], team.odometry, PcmSettings())
+    result = pairwise_consistent(
+        [true, team.false_closure(("alpha", 40), ("alpha", 5), rng)], team.odometry, PcmSettings()
+    )
     assert [c.decision for c in result.closures] == [Decision.ACCEPTED, Decision.REJECTED]
     assert "own odometry" in result.closures[1].reason
 
@@ -147,7 +155,7 @@ def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_
         replace(good[0], covariance=-np.eye(6)),
         replace(good[0], match=good[0].query),
     ]
-    result = pcm(good + broken, team.odometry, PcmSettings())
+    result = pairwise_consistent(good + broken, team.odometry, PcmSettings())
     assert [c.reason for c in result.closures[3:]] == [
         "its transform is not finite",
         "its covariance is not finite",
@@ -160,15 +168,15 @@ def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_
 def test_singular_covariances_are_usable(team_maker):
     team = team_maker(7)
     closures = [replace(team.closure(("alpha", i), ("beta", i)), covariance=np.zeros((6, 6))) for i in (3, 3, 40)]
-    assert pcm(closures, team.odometry, PcmSettings()).pairs[0].kept == 3
+    assert pairwise_consistent(closures, team.odometry, PcmSettings()).pairs[0].kept == 3
 
 
 def test_closures_of_other_stages_pass_unchanged(team_maker):
     team = team_maker(8)
     proposed = replace(team.closure(("alpha", 1), ("beta", 1)), decision=Decision.PROPOSED)
     rejected = replace(proposed, decision=Decision.REJECTED, reason="too few points")
-    assert pcm([proposed, rejected], team.odometry, PcmSettings()).closures == (proposed, rejected)
-    assert pcm([], team.odometry, PcmSettings()).closures == ()
+    assert pairwise_consistent([proposed, rejected], team.odometry, PcmSettings()).closures == (proposed, rejected)
+    assert pairwise_consistent([], team.odometry, PcmSettings()).closures == ()
 
 
 def test_unknown_keyframes_are_named(team_maker):
@@ -176,9 +184,9 @@ def test_unknown_keyframes_are_named(team_maker):
     closure = team.closure(("alpha", 59), ("beta", 1))
     short = {r: t.subset(np.arange(10)) for r, t in team.odometry.items()}
     with pytest.raises(InputError, match="keyframe 59 of alpha, which has 10 keyframes"):
-        pcm([closure], short, PcmSettings())
+        pairwise_consistent([closure], short, PcmSettings())
     with pytest.raises(InputError, match="unknown robot 'alpha'"):
-        pcm([closure], {"beta": team.odometry["beta"]}, PcmSettings())
+        pairwise_consistent([closure], {"beta": team.odometry["beta"]}, PcmSettings())
 
 
 class TestLegacyCycle:
@@ -205,13 +213,13 @@ class TestLegacyCycle:
         team, rng = team_maker(11), np.random.default_rng(11)
         false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (30, 2))]
         loose = PcmSettings(metric="unit", cycle="legacy", unit_threshold=100.0, start_threshold=5, guard=False)
-        assert pcm(false, team.odometry, loose).pairs[0].kept >= 10
-        assert pcm(false, team.odometry, PcmSettings()).pairs[0].kept == 0
+        assert pairwise_consistent(false, team.odometry, loose).pairs[0].kept >= 10
+        assert pairwise_consistent(false, team.odometry, PcmSettings()).pairs[0].kept == 0
 
     def test_start_threshold_waits_for_enough_closures(self, team_maker):
         team = team_maker(12)
         closures = [team.closure(("alpha", i), ("beta", i)) for i in range(4)]
-        result = pcm(closures, team.odometry, PcmSettings(metric="unit", start_threshold=5))
+        result = pairwise_consistent(closures, team.odometry, PcmSettings(metric="unit", start_threshold=5))
         assert result.pairs[0].kept == 0
         assert "start_threshold" in result.diagnosis[0]
 
@@ -225,19 +233,24 @@ class TestRecordedGraphs:
 
     def test_clean_graph_is_kept_whole(self, data_dir, g2o_loader):
         graph = g2o_loader(data_dir / "pose_graphs/pcm_clean/example_2robots")
-        assert pcm(graph.closures, graph.odometry, PcmSettings(noise=EXACT)).pairs[0].kept == len(graph.closures) == 10
+        assert (
+            pairwise_consistent(graph.closures, graph.odometry, PcmSettings(noise=EXACT)).pairs[0].kept
+            == len(graph.closures)
+            == 10
+        )
 
     def test_spoiled_graph_loses_exactly_the_false_closures(self, data_dir, g2o_loader):
         graph = g2o_loader(data_dir / "pose_graphs/pcm_spoiled/example_2robots")
         accepted = [
-            c.decision is Decision.ACCEPTED for c in pcm(graph.closures, graph.odometry, PcmSettings()).closures
+            c.decision is Decision.ACCEPTED
+            for c in pairwise_consistent(graph.closures, graph.odometry, PcmSettings()).closures
         ]
         assert accepted == [True] * 10 + [False] * 10  # the false ones were appended to the file
 
     def test_blatant_outliers_of_the_simulated_swarm_are_never_accepted(self, data_dir, g2o_loader):
         graph = g2o_loader(data_dir / "pose_graphs/argos_spoiled/example_2robots")
         # The stated covariances are far too small for the closures' rotations: 0.01 rad for some 0.1.
-        result = pcm(
+        result = pairwise_consistent(
             graph.closures, graph.odometry, PcmSettings(noise=ClosureNoise(translation_m=0.3, rotation_rad=0.1))
         )
         outliers = {27, 38}
@@ -256,7 +269,7 @@ def test_a_thousand_closures_are_judged_in_seconds(team_maker):
         else team.false_closure(("alpha", int(a)), ("beta", int(b)), rng)
         for n, (a, b) in enumerate(ends)
     ]
-    result = pcm(closures, team.odometry, PcmSettings())
+    result = pairwise_consistent(closures, team.odometry, PcmSettings())
     accepted = np.array([c.decision is Decision.ACCEPTED for c in result.closures])
     assert accepted[:600].mean() > 0.9
     assert not accepted[600:].any()

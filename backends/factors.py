@@ -1,0 +1,166 @@
+"""Factor graphs over keyframes, and how they are solved: the only place that speaks GTSAM's language."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from wiclosure.backends.closure_sets import ClosureSet
+from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.types import FloatArray, Trajectory
+
+ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
+LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
+STEP_FLOOR = np.diag(np.repeat([0.0005**2, 0.005**2], 3))  # one scan match on the spot: 0.03 degrees, 5 mm
+CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """GTSAM keys of keyframes: symbols a0, a1, ... for the first robot, b0, ... for the second, and so on."""
+
+    robots: tuple[str, ...]
+
+    def __call__(self, robot: str, index: int) -> int:
+        """The key of one keyframe."""
+        return ((ord("a") + self.robots.index(robot)) << 56) + int(index)
+
+
+def carrying(trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet]) -> dict[str, NDArray[np.int64]]:
+    """Indices of the keyframes that closures hold, and the first, by robot: a graph of these alone is equivalent."""
+    ends: dict[str, list[NDArray[np.int64]]] = {robot: [np.zeros(1, np.int64)] for robot in trajectories}
+    for z in sets:
+        ends[z.robot_a].append(z.index_a)
+        ends[z.robot_b].append(z.index_b)
+    return {robot: np.unique(np.concatenate(indices)) for robot, indices in ends.items()}
+
+
+def odometry_covariances(trajectory: Trajectory, nodes: NDArray[np.int64], held: NDArray[np.int64]) -> FloatArray:
+    """Covariances `(K - 1, 6, 6)` of the odometry between consecutive ones of `nodes (K,)`, keyframe indices.
+
+    A chain of steps takes errors as independent, but the drift model's bias is the same error in every step: over a
+    span of length S it grows with S, not with its root.  So each step carries its share of `bias^2 S^2`, S being the
+    distance between the keyframes `held` by closures on both sides; each such span has the model's covariance.
+    """
+    first, second = nodes[:-1], nodes[1:]
+    length = trajectory.distance[second] - trajectory.distance[first]
+    bounds = np.unique(np.concatenate([[0], held, [len(trajectory) - 1]]))
+    span = np.searchsorted(bounds, first, side="right") - 1
+    span_length = np.diff(trajectory.distance[bounds])[span]
+    bias = np.repeat([trajectory.drift.rotation_bias, trajectory.drift.translation_bias], 3)
+    shared = (length * (span_length - length))[:, None, None] * np.diag(bias**2)
+    return np.asarray(trajectory.relative_covariance(first, second) + shared + STEP_FLOOR)
+
+
+def odometry_factors(
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    keys: Keys,
+    nodes: Mapping[str, NDArray[np.int64]] | None = None,
+) -> gtsam.NonlinearFactorGraph:
+    """One factor between each two consecutive keyframes of each robot, or only those at the indices `nodes`."""
+    graph = gtsam.NonlinearFactorGraph()
+    held = carrying(trajectories, sets)
+    for robot, trajectory in trajectories.items():
+        used = np.arange(len(trajectory)) if nodes is None else nodes[robot]
+        if len(used) == 1:
+            continue
+        steps = trajectory.relative_pose(used[:-1], used[1:])
+        covariances = odometry_covariances(trajectory, used, held[robot])
+        for first, second, step, covariance in zip(used[:-1], used[1:], steps, covariances, strict=True):
+            noise = _noise(covariance)
+            graph.add(gtsam.BetweenFactorPose3(keys(robot, first), keys(robot, second), gtsam.Pose3(step), noise))
+    return graph
+
+
+def closure_factors(sets: Sequence[ClosureSet], keys: Keys) -> list[gtsam.BetweenFactorPose3]:
+    """One factor for each closure, set after set."""
+    return [
+        gtsam.BetweenFactorPose3(keys(z.robot_a, a), keys(z.robot_b, b), gtsam.Pose3(T), _noise(covariance))
+        for z in sets
+        for a, b, T, covariance in zip(z.index_a, z.index_b, z.T_a_b, z.covariance, strict=True)
+    ]
+
+
+def anchor(key: int, pose: gtsam.Pose3, *, loose: bool = False) -> gtsam.PriorFactorPose3:
+    """A prior that fixes one pose, or one that only keeps it from floating."""
+    return gtsam.PriorFactorPose3(key, pose, gtsam.noiseModel.Diagonal.Sigmas(LOOSE_ANCHOR if loose else ANCHOR))
+
+
+def prior(key: int, T: FloatArray, covariance: FloatArray) -> gtsam.PriorFactorPose3:
+    """A direct measurement of one pose."""
+    return gtsam.PriorFactorPose3(key, gtsam.Pose3(T), _noise(covariance))
+
+
+def with_factors(
+    graph: gtsam.NonlinearFactorGraph, factors: Sequence[gtsam.NonlinearFactor]
+) -> gtsam.NonlinearFactorGraph:
+    """A new graph of the given one's factors, then the others."""
+    grown = gtsam.NonlinearFactorGraph(graph)
+    for factor in factors:
+        grown.add(factor)
+    return grown
+
+
+def solve(graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values) -> gtsam.Values:
+    """Least squares by Levenberg-Marquardt.
+
+    Raises:
+        RuntimeError: the system is indeterminate or has no finite solution.
+    """
+    return gtsam.LevenbergMarquardtOptimizer(graph, initial, _marquardt()).optimize()
+
+
+def believed(
+    certain: gtsam.NonlinearFactorGraph,
+    doubtful: Sequence[gtsam.NoiseModelFactor],
+    initial: gtsam.Values,
+    settings: PoseGraphSettings,
+) -> tuple[NDArray[np.bool_], gtsam.Values]:
+    """Decides which of the doubtful factors `(N,)` to believe, given the certain ones, and estimates with them.
+
+    Raises:
+        RuntimeError: the system is indeterminate or has no finite solution.
+    """
+    if not doubtful:
+        return np.zeros(0, bool), solve(certain, initial)
+    if settings.robust == "gnc":
+        return _by_graduated_non_convexity(certain, doubtful, initial, settings.probability)
+    if settings.robust == "cauchy":
+        kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH)
+        robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in doubtful]
+        estimate = solve(with_factors(certain, robust), initial)
+        chi_square = np.array([2 * factor.error(estimate) for factor in doubtful])
+        return chi_square < chi2.ppf(settings.probability, 6), estimate
+    return np.ones(len(doubtful), bool), solve(with_factors(certain, doubtful), initial)
+
+
+def _by_graduated_non_convexity(
+    certain: gtsam.NonlinearFactorGraph,
+    doubtful: Sequence[gtsam.NonlinearFactor],
+    initial: gtsam.Values,
+    probability: float,
+) -> tuple[NDArray[np.bool_], gtsam.Values]:
+    """Yang et al., "Graduated non-convexity for robust spatial perception", RA-L 2020, truncated least squares."""
+    parameters = gtsam.GncLMParams(_marquardt())
+    parameters.setLossType(gtsam.GncLossType.TLS)
+    parameters.setKnownInliers(list(range(certain.size())))
+    optimiser = gtsam.GncLMOptimizer(with_factors(certain, doubtful), initial, parameters)
+    optimiser.setInlierCostThresholdsAtProbability(probability)
+    estimate = optimiser.optimize()
+    return np.asarray(optimiser.getWeights()[certain.size() :] > 0.5), estimate
+
+
+def _marquardt() -> gtsam.LevenbergMarquardtParams:
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setRelativeErrorTol(1e-7)
+    return parameters
+
+
+def _noise(covariance: FloatArray) -> gtsam.noiseModel.Gaussian:
+    return gtsam.noiseModel.Gaussian.Covariance(covariance)

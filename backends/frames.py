@@ -1,0 +1,69 @@
+"""Where the robots' odometry frames lie, roughly: the start of every estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import networkx as nx
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import ClosureSet
+from wiclosure.types import FloatArray, Trajectory
+
+CANDIDATES = 300  # closures tried as the frame transform; more would not find a better one
+
+
+def components(robots: Sequence[str], sets: Sequence[ClosureSet]) -> tuple[tuple[str, ...], ...]:
+    """Groups of robots that closures connect, in the order of `robots`; the first holds the first robot."""
+    rank = {robot: n for n, robot in enumerate(robots)}
+    groups = (tuple(sorted(group, key=rank.__getitem__)) for group in nx.connected_components(_links(robots, sets)))
+    return tuple(sorted(groups, key=lambda group: rank[group[0]]))
+
+
+def initial_frames(trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet]) -> dict[str, FloatArray]:
+    """`T_world_odom` of each robot along the tree of the best supported pairs.
+
+    The world is the odometry frame of the first robot of each component.
+    """
+    robots = list(trajectories)
+    tree = nx.maximum_spanning_tree(_links(robots, sets), weight="closures")
+    transforms = {(z.robot_a, z.robot_b): frame_transform(z, trajectories) for z in sets if z.between_robots and len(z)}
+    transforms |= {(b, a): se3.inverse(T_a_b) for (a, b), T_a_b in transforms.items()}
+    frames: dict[str, FloatArray] = {}
+    for root in robots:
+        if root not in frames:
+            frames[root] = np.eye(4)
+            for parent, child in nx.bfs_edges(tree, root):
+                frames[child] = frames[parent] @ transforms[parent, child]
+    return frames
+
+
+def frame_estimates(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
+    """`(N, 4, 4)`: odometry frame of b in that of a, as each closure alone has it."""
+    T_odom_a = trajectories[z.robot_a].poses[z.index_a]
+    T_odom_b = trajectories[z.robot_b].poses[z.index_b]
+    return np.asarray(T_odom_a @ z.T_a_b @ se3.inverse(T_odom_b))
+
+
+def frame_transform(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
+    """The one of the closures' frame estimates `(4, 4)` that fits the others best: least median of squares.
+
+    A median stands up to nearly half of the closures being false, which an average does not.
+    """
+    estimates = frame_estimates(z, trajectories)
+    place_b = trajectories[z.robot_b].positions[z.index_b]
+    place_a = (trajectories[z.robot_a].poses[z.index_a] @ z.T_a_b)[:, :3, 3]
+    tried = estimates[np.linspace(0, len(z) - 1, min(len(z), CANDIDATES)).round().astype(int)]
+    predicted_a = np.einsum("cij,nj->cni", tried[:, :3, :3], place_b) + tried[:, None, :3, 3]
+    misfit = np.median(np.sum((predicted_a - place_a) ** 2, axis=2), axis=1)
+    return np.asarray(tried[np.argmin(misfit)])
+
+
+def _links(robots: Sequence[str], sets: Sequence[ClosureSet]) -> nx.Graph[str]:
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from(robots)
+    graph.add_weighted_edges_from(
+        ((z.robot_a, z.robot_b, len(z)) for z in sets if z.between_robots and len(z)), weight="closures"
+    )
+    return graph

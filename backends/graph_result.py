@@ -1,0 +1,122 @@
+"""What the back end found: trajectories in one world, and which closures carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import gtsam
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.backends.factors import Keys
+from wiclosure.errors import OutputError
+from wiclosure.types import Closure, Decision, FloatArray, IntArray, Trajectory
+
+G2O_ORDER = np.array([3, 4, 5, 0, 1, 2])  # g2o has translation first
+
+
+@dataclass(frozen=True, eq=False)
+class GraphResult:
+    """The estimate over all robots.
+
+    Args:
+        trajectories: keyframe poses `T_world_body` by robot.
+        T_world_odom: `(4, 4)` by robot: where its odometry frame lies, taken at its first keyframe.
+        components: robots that accepted closures connect. The world of the first component is the odometry frame of the
+            first robot; every other component lies in the odometry frame of its own first robot.
+        closures: in the order given, with the final decision and reason.
+        diagnosis: sentences for the user.
+        graph: odometry, accepted closures and one anchor for each component.
+        values: the estimate in GTSAM's form.
+    """
+
+    trajectories: dict[str, Trajectory]
+    T_world_odom: dict[str, FloatArray]
+    components: tuple[tuple[str, ...], ...]
+    closures: tuple[Closure, ...]
+    diagnosis: tuple[str, ...]
+    graph: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+
+    @property
+    def unconnected(self) -> tuple[str, ...]:
+        """Robots that do not lie in the first robot's frame."""
+        return tuple(robot for component in self.components[1:] for robot in component)
+
+    @property
+    def accepted(self) -> tuple[Closure, ...]:
+        """The closures in the estimate."""
+        return tuple(c for c in self.closures if c.decision is Decision.ACCEPTED)
+
+    def covariances(self, robot: str, indices: Sequence[int] | IntArray) -> FloatArray:
+        """Marginal covariances `(M, 6, 6)` of keyframe poses in the body's frame, given the component's anchor."""
+        keys = Keys(tuple(self.trajectories))
+        marginals = gtsam.Marginals(self.graph, self.values)
+        return np.array([marginals.marginalCovariance(keys(robot, int(i))) for i in indices]).reshape(-1, 6, 6)
+
+
+def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:
+    """The poses of all scans in the world, carried along with their keyframes.
+
+    Each scan keeps its odometry relative to the keyframe before and to the one after; where these two disagree, the
+    pose moves from one to the other with time.  Exact at the keyframes.
+
+    Args:
+        scans_odom: poses of all scans, in the odometry frame.
+        keyframes_odom: the keyframes in the same frame.
+        keyframes_world: the same keyframes in the world.
+    """
+    stamps = keyframes_odom.stamps_ns
+    before = np.clip(np.searchsorted(stamps, scans_odom.stamps_ns, side="right") - 1, 0, len(stamps) - 1)
+    after = np.minimum(before + 1, len(stamps) - 1)
+    from_before, from_after = (
+        keyframes_world.poses[k] @ se3.between(keyframes_odom.poses[k], scans_odom.poses) for k in (before, after)
+    )
+    gap = np.maximum(stamps[after] - stamps[before], 1)
+    share = np.clip((scans_odom.stamps_ns - stamps[before]) / gap, 0.0, 1.0)
+    poses = from_before @ se3.exp(share[:, None] * se3.log(se3.between(from_before, from_after)))
+    return Trajectory(scans_odom.robot, scans_odom.stamps_ns, poses, scans_odom.drift)
+
+
+def write_g2o(result: GraphResult, path: Path) -> None:
+    """Writes the graph for other solvers; keys are GTSAM symbols (a0, a1, ... for the first robot).
+
+    `gtsam.writeG2o` keeps six digits, 1 cm on a path of kilometres; here every digit is kept.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    keys = Keys(tuple(result.trajectories))
+    lines = [
+        f"VERTEX_SE3:QUAT {keys(robot, n)} {pose}"
+        for robot, trajectory in result.trajectories.items()
+        for n, pose in enumerate(_numbers(trajectory.poses))
+    ]
+    edges = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
+    if edges:
+        measured = _numbers(np.stack([f.measured().matrix() for f in edges]))
+        information = np.stack([_information(f) for f in edges])[:, G2O_ORDER][:, :, G2O_ORDER]
+        upper = information[:, *np.triu_indices(6)]
+        lines += [
+            f"EDGE_SE3:QUAT {f.keys()[0]} {f.keys()[1]} {pose} {' '.join(map(repr, row))}"
+            for f, pose, row in zip(edges, measured, upper.tolist(), strict=True)
+        ]
+    try:
+        path.write_text("\n".join(lines) + "\n")
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
+
+
+def _numbers(T: FloatArray) -> list[str]:
+    """`x y z qx qy qz qw` of each transform, every digit kept."""
+    rows = np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
+    return [" ".join(map(repr, row)) for row in rows.tolist()]
+
+
+def _information(factor: gtsam.BetweenFactorPose3) -> FloatArray:
+    noise = factor.noiseModel()
+    assert isinstance(noise, gtsam.noiseModel.Gaussian)  # all factors of the final graph are made here
+    return np.asarray(noise.information())

@@ -1,0 +1,208 @@
+"""One estimate over the keyframes of all robots, in the frame of the first."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import ClosureSet, closure_sets, decided
+from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.backends.factors import (
+    Keys,
+    anchor,
+    believed,
+    carrying,
+    closure_factors,
+    odometry_factors,
+    solve,
+    with_factors,
+)
+from wiclosure.backends.frames import components, initial_frames
+from wiclosure.backends.graph_result import GraphResult, carried
+from wiclosure.backends.two_stage import placed_in_two_stages
+from wiclosure.errors import InputError
+from wiclosure.types import Closure, Decision, FloatArray, Trajectory
+
+logger = logging.getLogger(__name__)
+
+__all__ = ["GraphResult", "optimise"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """Which closures are believed (one mask a set), and the poses `T_world_body` by robot."""
+
+    believed: list[NDArray[np.bool_]]
+    poses: dict[str, FloatArray]
+    diagnosis: tuple[str, ...] = ()
+
+
+def optimise(
+    trajectories: Mapping[str, Trajectory], closures: Sequence[Closure], settings: PoseGraphSettings
+) -> GraphResult:
+    """Merges the robots' keyframe trajectories over their verified or accepted closures.
+
+    Args:
+        trajectories: keyframe odometry by robot, with its drift model; the first robot's odometry frame is the world.
+        closures: between robots or within one; those neither verified nor accepted pass through unchanged.
+        settings: see `PoseGraphSettings`.
+
+    Returns:
+        Trajectories, frames, and every closure accepted or rejected with a reason. Robots without accepted closures
+        stay in their own frame.
+
+    Raises:
+        InputError: no trajectory; or a closure names a robot or a keyframe that the trajectories do not have.
+    """
+    if not trajectories:
+        raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
+    sets, unusable = closure_sets(closures, trajectories, settings.noise)
+    found = (
+        _two_stage(trajectories, sets, settings)
+        if settings.optimiser == "two-stage"
+        else _joint(trajectories, sets, settings)
+    )
+    kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
+    verdicts = {row: (Decision.REJECTED, reason) for row, reason in unusable.items()}
+    for z, mask in zip(sets, found.believed, strict=True):
+        verdicts |= _verdicts(z, mask, found.poses, closures)
+    groups = components(list(trajectories), kept)
+    graph = _final_graph(trajectories, kept, groups, found.poses)
+    result = GraphResult(
+        trajectories={r: Trajectory(r, t.stamps_ns, found.poses[r], t.drift) for r, t in trajectories.items()},
+        T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
+        components=groups,
+        closures=tuple(decided(closures, verdicts)),
+        diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
+        graph=graph,
+        values=_values(found.poses),
+    )
+    for sentence in result.diagnosis:
+        logger.info(sentence)
+    return result
+
+
+def _joint(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
+) -> _Estimate:
+    """First decide on the closures, then solve for all keyframes with the believed ones."""
+    frames = initial_frames(trajectories, sets)
+    rigid = {r: frames[r] @ t.poses for r, t in trajectories.items()}
+    try:
+        masks, poses = _decide(trajectories, sets, rigid, settings)
+        kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
+        start = _reset_unconnected(trajectories, kept, poses)
+        graph = _final_graph(trajectories, kept, components(list(trajectories), kept), start)
+        return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories))
+    except RuntimeError as error:  # GTSAM's own, thrown for indeterminate systems
+        logger.debug("joint estimate failed", exc_info=True)
+        first_line = str(error).strip().partition("\n")[0]
+        sentence = f"the joint estimate failed ({first_line}); trajectories are placed rigidly, drift stays in"
+        return _Estimate([np.ones(len(z), bool) for z in sets], rigid, (sentence,))
+
+
+def _decide(
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    rigid: Mapping[str, FloatArray],
+    settings: PoseGraphSettings,
+) -> tuple[list[NDArray[np.bool_]], dict[str, FloatArray]]:
+    """Believed closures (one mask a set) and poses of all keyframes, from a graph of the keyframes that closures hold.
+
+    The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
+    saves most of the time.
+    """
+    keys, nodes = Keys(tuple(trajectories)), carrying(trajectories, sets)
+    roots = {group[0] for group in components(list(trajectories), sets)}
+    anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
+    certain = with_factors(odometry_factors(trajectories, sets, keys, nodes), anchors)
+    mask, values = believed(certain, closure_factors(sets, keys), _values(rigid, nodes), settings)
+    poses = {}
+    for robot, trajectory in trajectories.items():
+        held = trajectory.subset(nodes[robot])
+        solved = np.stack([values.atPose3(keys(robot, n)).matrix() for n in nodes[robot]])
+        poses[robot] = carried(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
+    return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
+
+
+def _two_stage(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
+) -> _Estimate:
+    masks, frames = placed_in_two_stages(trajectories, sets, settings)
+    return _Estimate(masks, {r: frames[r] @ t.poses for r, t in trajectories.items()})
+
+
+def _final_graph(
+    trajectories: Mapping[str, Trajectory],
+    kept: Sequence[ClosureSet],
+    groups: Sequence[Sequence[str]],
+    poses: Mapping[str, FloatArray],
+) -> gtsam.NonlinearFactorGraph:
+    """Odometry, believed closures, and the first pose of each component held."""
+    keys = Keys(tuple(trajectories))
+    anchors = [anchor(keys(group[0], 0), gtsam.Pose3(poses[group[0]][0])) for group in groups]
+    return with_factors(odometry_factors(trajectories, kept, keys), [*closure_factors(kept, keys), *anchors])
+
+
+def _reset_unconnected(
+    trajectories: Mapping[str, Trajectory], kept: Sequence[ClosureSet], poses: dict[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Components that the first robot is not part of go back to the odometry frame of their own first robot."""
+    moved = dict(poses)
+    for group in components(list(trajectories), kept):
+        T_new_world = trajectories[group[0]].poses[0] @ se3.inverse(poses[group[0]][0])
+        moved |= {robot: T_new_world @ poses[robot] for robot in group}
+    return moved
+
+
+def _values(poses: Mapping[str, FloatArray], nodes: Mapping[str, NDArray[np.int64]] | None = None) -> gtsam.Values:
+    """GTSAM's form of all poses, or only of those at the indices `nodes`."""
+    keys, values = Keys(tuple(poses)), gtsam.Values()
+    for robot, stack in poses.items():
+        for n in np.arange(len(stack)) if nodes is None else nodes[robot]:
+            values.insert(keys(robot, n), gtsam.Pose3(stack[n]))
+    return values
+
+
+def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict[str, FloatArray]:
+    keys = Keys(tuple(trajectories))
+    return {
+        robot: np.stack([values.atPose3(keys(robot, n)).matrix() for n in range(len(trajectory))])
+        for robot, trajectory in trajectories.items()
+    }
+
+
+# ------------------------------------------------------------------------------------------------------------ reports
+def _verdicts(
+    z: ClosureSet, mask: NDArray[np.bool_], poses: Mapping[str, FloatArray], closures: Sequence[Closure]
+) -> dict[int, tuple[Decision, str]]:
+    """Decision and reason by row of the closure list."""
+    estimated = se3.between(poses[z.robot_a][z.index_a], poses[z.robot_b][z.index_b])
+    error = se3.between(z.T_a_b, estimated)
+    metres = np.linalg.norm(error[:, :3, 3], axis=1)
+    degrees = np.degrees(se3.rotation_angle(error))
+    return {
+        int(row): (Decision.ACCEPTED, closures[row].reason or "agrees with the estimate")
+        if keep
+        else (Decision.REJECTED, f"contradicts the joint estimate, {m:.2f} m and {d:.1f} degrees off it")
+        for row, keep, m, d in zip(z.rows, mask, metres, degrees, strict=True)
+    }
+
+
+def _connection_report(
+    groups: Sequence[Sequence[str]], kept: Sequence[ClosureSet], sets: Sequence[ClosureSet]
+) -> tuple[str, ...]:
+    """Sentences: what was rejected, and which robots could not be placed."""
+    lost = sum(map(len, sets)) - sum(map(len, kept))
+    sentences = [f"the estimate rejected {lost} of {sum(map(len, sets))} closures"] if lost else []
+    for group in groups[1:]:
+        names, verb = " and ".join(group), "stays" if len(group) == 1 else "stay"
+        frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
+        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {verb} in {frame}")
+    return tuple(sentences)

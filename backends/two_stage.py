@@ -1,0 +1,77 @@
+"""DiSCo-SLAM's way: one rigid transform for each pair of robots, then a graph whose nodes are the robots.
+
+Huang et al., "DiSCo-SLAM", RA-L 2022, the first two of its optimisations; the third, inside each robot's own SLAM, is
+replaced by the joint estimate (`optimiser: joint`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import ClosureSet
+from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.backends.factors import anchor, believed, prior, solve
+from wiclosure.backends.frames import components, frame_estimates, frame_transform, initial_frames
+from wiclosure.types import FloatArray, Trajectory
+
+EQUAL_WEIGHT = np.ones(6)  # every pair of robots counts the same between them, as in DiSCo-SLAM
+
+
+def placed_in_two_stages(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
+) -> tuple[list[NDArray[np.bool_]], dict[str, FloatArray]]:
+    """Believed closures (one mask a set) and `T_world_odom` by robot.
+
+    Closures within one robot do not take part: they are kept and change nothing.
+    """
+    masks: list[NDArray[np.bool_]] = []
+    kept: list[ClosureSet] = []
+    transforms: list[FloatArray] = []
+    for z in sets:
+        mask, T_a_b = _pair(z, trajectories, settings) if z.between_robots else (np.ones(len(z), bool), np.eye(4))
+        masks.append(mask)
+        if z.between_robots and mask.any():
+            kept.append(z.subset(np.flatnonzero(mask)))
+            transforms.append(T_a_b)
+    return masks, _robots(trajectories, kept, transforms)
+
+
+def _pair(
+    z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PoseGraphSettings
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """First stage: `T_a_b` of two odometry frames; each closure measures it directly."""
+    measured = frame_estimates(z, trajectories)
+    to_odom_b = se3.adjoint(trajectories[z.robot_b].poses[z.index_b])
+    covariances = se3.rotate_covariance(to_odom_b, z.covariance)
+    factors = [prior(0, T, covariance) for T, covariance in zip(measured, covariances, strict=True)]
+    start = frame_transform(z, trajectories)
+    values = gtsam.Values()
+    values.insert(0, gtsam.Pose3(start))
+    nothing_certain = gtsam.NonlinearFactorGraph()
+    nothing_certain.add(anchor(0, gtsam.Pose3(start), loose=True))
+    mask, estimate = believed(nothing_certain, factors, values, settings)
+    return mask, np.asarray(estimate.atPose3(0).matrix())
+
+
+def _robots(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], transforms: Sequence[FloatArray]
+) -> dict[str, FloatArray]:
+    """Second stage: all odometry frames from the pairs' transforms."""
+    robots = list(trajectories)
+    frames = initial_frames(trajectories, sets)
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for n, robot in enumerate(robots):
+        values.insert(n, gtsam.Pose3(frames[robot]))
+    for group in components(robots, sets):
+        graph.add(anchor(robots.index(group[0]), gtsam.Pose3(frames[group[0]])))
+    weight = gtsam.noiseModel.Diagonal.Sigmas(EQUAL_WEIGHT)
+    for z, T_a_b in zip(sets, transforms, strict=True):
+        a, b = robots.index(z.robot_a), robots.index(z.robot_b)
+        graph.add(gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(T_a_b), weight))
+    solved = solve(graph, values)
+    return {robot: np.asarray(solved.atPose3(n).matrix()) for n, robot in enumerate(robots)}
