@@ -9,6 +9,7 @@ help: ## list what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
 setup: $(VENV)/.ready ## create .venv with everything in it
+	@:
 
 $(VENV)/.ready: pyproject.toml constraints.txt scripts/setup
 	@scripts/setup $(VENV)
