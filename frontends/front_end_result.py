@@ -64,7 +64,7 @@ class FrontEndResult:
                 robot=np.array(self.robot),
                 stamps_ns=self.odometry.stamps_ns,
                 poses=self.odometry.poses,
-                drift=np.array(astuple(self.odometry.drift)),
+                drift=np.array(self.odometry.drift.model_dump_json()),
                 keyframe_indices=self.keyframe_indices,
                 points=np.concatenate(self.clouds),
                 offsets=np.cumsum([0, *sizes]),
@@ -81,13 +81,13 @@ class FrontEndResult:
             InputError: the file is missing, damaged or of something else.
         """
         try:
-            with np.load(path, allow_pickle=False) as pack:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
                 content = {name: pack[name] for name in pack.files}
             odometry = Trajectory(
                 str(content["robot"]),
                 content["stamps_ns"],
                 content["poses"],
-                DriftModel(*content["drift"].tolist()),
+                DriftModel.model_validate_json(str(content["drift"])),
             )
             indices, offsets = content["keyframe_indices"], content["offsets"]
             return cls(

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.drift import DriftModel
+from wiclosure.errors import InputError
+from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings
+from wiclosure.frontends.front_end import FrontEnd, FrontEndResult
+from wiclosure.types import FloatArray, Scan
+
+
+class Drive(Protocol):
+    stamps_ns: FloatArray
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int) -> Scan: ...
+
+
+SETTINGS = FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5))
+
+
+def room(T_world_body: FloatArray, seed: int = 0) -> FloatArray:
+    """Points of a room of 20 x 14 x 4 m with pillars, in the body's axes."""
+    rng = np.random.default_rng(seed)
+    walls = rng.uniform([-10, -7, -1], [10, 7, 3], (6000, 3))
+    side = rng.integers(0, 5, 6000)
+    for axis, edges in ((0, (-10, 10)), (1, (-7, 7))):
+        for k, edge in enumerate(edges):
+            walls[side == 2 * axis + k, axis] = edge
+    walls[side == 4, 2] = -1
+    pillar = rng.integers(0, 4, 800)
+    pillars = np.array([[4, 3], [-5, 2], [-3, -4], [6, -3]])[pillar] + rng.normal(0, 0.05, (800, 2))
+    columns = np.column_stack([pillars, rng.uniform(-1, 3, 800)])
+    return se3.transform(se3.inverse(T_world_body), np.concatenate([walls, columns]))
+
+
+def walk(front_end: FrontEnd, steps: int) -> FrontEndResult:
+    for k in range(steps):
+        pose = se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0]))
+        front_end.process(Scan(k * 100_000_000, room(pose)))
+    return front_end.result()
+
+
+def test_a_walk_through_a_room_is_followed_and_its_keyframes_are_poses_of_it() -> None:
+    result = walk(FrontEnd(SETTINGS, "alpha"), 21)
+    assert result.odometry.robot == "alpha"
+    np.testing.assert_allclose(result.odometry.positions[-1], [2.0, 0.4, 0.0], atol=0.05)
+    assert se3.yaw(result.odometry.poses[-1]) == pytest.approx(0.4, abs=0.01)
+    assert result.keyframe_indices.tolist() == [0, 5, 10, 15, 20]
+    np.testing.assert_array_equal(result.keyframes.poses, result.odometry.poses[result.keyframe_indices])
+    assert len(result.clouds) == len(result.descriptors) == len(result.keyframes)
+    assert result.counts.scans == 21
+
+
+def test_a_saved_result_is_read_back_the_same(tmp_path: Path) -> None:
+    saved = walk(FrontEnd(SETTINGS, "alpha", DriftModel(translation_walk=0.07)), 12)
+    saved.save(tmp_path / "alpha.cache")
+    loaded = FrontEndResult.load(tmp_path / "alpha.cache")
+    assert (loaded.robot, loaded.counts, loaded.odometry.drift) == ("alpha", saved.counts, saved.odometry.drift)
+    assert (loaded.seconds_odometry, loaded.seconds_descriptors) == (saved.seconds_odometry, saved.seconds_descriptors)
+    for name in ("keyframe_indices", "descriptors"):
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(saved, name))
+    for trajectory in ("odometry", "keyframes"):
+        np.testing.assert_array_equal(getattr(loaded, trajectory).poses, getattr(saved, trajectory).poses)
+        np.testing.assert_array_equal(getattr(loaded, trajectory).stamps_ns, getattr(saved, trajectory).stamps_ns)
+    assert len(loaded.clouds) == len(saved.clouds)
+    for cloud, expected in zip(loaded.clouds, saved.clouds, strict=True):
+        np.testing.assert_array_equal(cloud, expected)
+        assert cloud.dtype == np.float32
+
+
+@pytest.mark.parametrize("keep", [0, 10, 500])
+def test_a_damaged_saved_result_is_one_clear_error(tmp_path: Path, keep: int) -> None:
+    path = tmp_path / "alpha.cache"
+    walk(FrontEnd(SETTINGS, "alpha"), 2).save(path)
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(InputError, match=r"alpha.cache is not a saved front end result"):
+        FrontEndResult.load(path)
+
+
+def test_scans_without_points_and_late_scans_are_left_out_and_counted() -> None:
+    front_end = FrontEnd(SETTINGS, "alpha")
+    for stamp_ns, points in (
+        (0, np.zeros((0, 3))),
+        (10, room(np.eye(4))),
+        (20, np.full((500, 3), 1e4)),
+        (10, room(np.eye(4))),
+        (5, room(np.eye(4))),
+        (30, room(np.eye(4))),
+    ):
+        front_end.process(Scan(stamp_ns, points))
+    result = front_end.result()
+    assert result.odometry.stamps_ns.tolist() == [10, 30]
+    assert (result.counts.scans, result.counts.sparse, result.counts.late) == (6, 2, 2)
+
+
+def test_no_usable_scan_is_an_error_that_names_the_robot_and_the_range() -> None:
+    settings = FrontEndSettings(odometry=OdometrySettings(min_range_m=50.0))
+    front_end = FrontEnd(settings, "beta")
+    front_end.process(Scan(0, room(np.eye(4))))
+    with pytest.raises(InputError, match="robot beta: none of 1 scans has 100 points between 50 and 100 m"):
+        front_end.result()
+
+
+@pytest.mark.slow
+def test_a_recorded_drive_has_its_true_length(kitti_drive: Drive) -> None:
+    front_end = FrontEnd(FrontEndSettings(), "alpha")
+    for index in range(len(kitti_drive)):
+        front_end.process(kitti_drive[index])
+    result = front_end.result()
+    assert result.odometry.distance[-1] == pytest.approx(71.5, rel=0.01)
+    assert len(result.odometry) == len(kitti_drive)
