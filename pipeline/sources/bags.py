@@ -97,7 +97,7 @@ def bag_kind(path: Path) -> str | None:
     Files are told by their first bytes; an empty or unreadable one by its name.
     """
     if path.is_dir():
-        kinds = [_SUFFIXES[file.suffix] for file in _storage_files(path)]
+        kinds = [_SUFFIXES[Path(file.name.removesuffix(".zstd")).suffix] for file in _storage_files(path)]
         return kinds[0] if kinds else ("mcap" if (path / METADATA).is_file() else None)
     name = path.name.removesuffix(".zstd").removesuffix(".active")
     if path.name.endswith(".zstd"):
@@ -235,7 +235,7 @@ def _storage_files(folder: Path) -> list[Path]:
     for suffix in (".mcap", ".db3", ".bag"):
         files = [*folder.glob(f"*{suffix}"), *folder.glob(f"*{suffix}.zstd")]
         if files:
-            return [Path(str(file)) for file in sorted(files, key=_natural)]
+            return sorted(files, key=_natural)
     return []
 
 

@@ -69,6 +69,7 @@ def scan_sqlite3(path: Path) -> Iterator[FoundMessage]:
 def _rows(database: sqlite3.Connection) -> Iterator[FoundMessage]:
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
+    database.execute("PRAGMA writable_schema = ON")  # lets SQLite read a file that is shorter than it says
     definitions: dict[str, MessageDefinition] = {}
     if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
         rows = database.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
