@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, Field, ValidationError
 
 from wiclosure.backends.config import MapSettings, PcmSettings, PoseGraphSettings
+from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import (
     KeyframeSettings,
@@ -37,6 +38,7 @@ class Config(Settings):
 
     odometry: OdometrySettings = OdometrySettings()
     keyframes: KeyframeSettings = KeyframeSettings()
+    drift: DriftModel = DriftModel()
     scan_context: ScanContextSettings = ScanContextSettings()
     use_filter: str = Field("wiclosure", description="candidate filter: wiclosure, none, range-gate, oracle, random")
     filter: FilterSettings = FilterSettings()

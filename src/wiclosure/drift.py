@@ -11,43 +11,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 
 from wiclosure import se3
-from wiclosure.errors import ConfigError
 from wiclosure.se3 import FloatArray
+from wiclosure.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class DriftModel:
+class DriftModel(Settings):
     """Standard deviations of odometry errors, along the path travelled.
 
     The defaults are fitted to real KISS-ICP trajectories against ground truth (`benchmarks/drift.py`), where biases did
     not raise the likelihood.
-
-    Args:
-        translation_walk: m per square root of a metre travelled, each axis.
-        rotation_walk: rad per square root of a metre travelled, each axis.
-        rotation_walk_turning: rad per square root of a radian turned, each axis.
-        translation_bias: m per metre travelled (scale and side slip).
-        rotation_bias: rad per metre travelled.
-
-    Raises:
-        ConfigError: a value is negative or not finite, or all translation or all rotation terms are zero.
     """
 
-    translation_walk: float = 0.046
-    rotation_walk: float = 0.00056
-    rotation_walk_turning: float = 0.0026
-    translation_bias: float = 0.0
-    rotation_bias: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ConfigError(f"drift.{name} is {value}; it must be a number >= 0")
-        if self.translation_walk == 0 or self.rotation_walk == 0:
-            raise ConfigError("drift.translation_walk and drift.rotation_walk must be > 0: no odometry is perfect")
+    translation_walk: float = Field(0.046, gt=0, description="m per square root of a metre travelled, each axis")
+    rotation_walk: float = Field(0.00056, gt=0, description="rad per square root of a metre travelled, each axis")
+    rotation_walk_turning: float = Field(0.0026, ge=0, description="rad per square root of a radian turned, each axis")
+    translation_bias: float = Field(0.0, ge=0, description="m per metre travelled: scale and side slip")
+    rotation_bias: float = Field(0.0, ge=0, description="rad per metre travelled: a constant turn rate")
 
 
 @dataclass(frozen=True, eq=False)
