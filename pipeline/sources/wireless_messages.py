@@ -9,9 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, cast
 
+import numpy as np
+
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.pointcloud2 import HeaderMessage, TimeMessage
-from wiclosure.types import AoaFrame, AoaPath, Heading, WirelessMeasurement
+from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, WirelessMeasurement
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Msg, Typestore
@@ -184,8 +186,8 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _array(values: tuple[float, float, float]) -> list[float]:
-    return list(values)
+def _array(values: tuple[float, float, float]) -> FloatArray:
+    return np.array(values, np.float64)
 
 
 def _triple(values: Sequence[float]) -> tuple[float, float, float]:
