@@ -15,10 +15,13 @@ from wiclosure.types import (
     WirelessLog,
 )
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.ambiguity import judge
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.links import Links, links_between
 from wiclosure.wiclosure_filter.observations import Observations
-from wiclosure.wiclosure_filter.refinement import displacements_in_a, seen_by_receiver
+from wiclosure.wiclosure_filter.refinement import explained
+
+_LEVEL_SIGMA_RAD = 0.01  # gravity-aligned frames agree on the vertical, nearly
 
 
 def align(
@@ -47,15 +50,15 @@ def align(
     found = consensus(observations, knowledge, partner, both, settings)
     if found is None:
         return _unknown(links, "the measurements do not allow any alignment", knowledge)
-    hypotheses = [_hypothesis(found, row, links) for row in range(min(2, len(found.peaks)))]
+    verdict = judge(found.peaks, found.mixture, found.prior, settings)
     return FrameAlignment(
         robot_a=robot_a,
         robot_b=robot_b,
-        best=hypotheses[0],
-        covariance=_covariance(found),
-        ambiguous=False,
-        reason=f"{len(hypotheses[0].paths_kept)} of {len(links)} measurements agree",
-        runner_up=hypotheses[1] if len(hypotheses) > 1 else None,
+        best=_hypothesis(found, verdict.best, links),
+        covariance=tangent_covariance(found.peaks.states[verdict.best], verdict.covariance, observations),
+        ambiguous=verdict.ambiguous,
+        reason="; ".join((verdict.reason, *links.left_out)),
+        runner_up=None if verdict.runner_up is None else _hypothesis(found, verdict.runner_up, links),
         heading_knowledge=knowledge,
     )
 
@@ -96,9 +99,7 @@ def _hypothesis(found: AnchoredPeaks, row: int, links: Links) -> AlignmentHypoth
 
 def _paths_kept(found: AnchoredPeaks, state: FloatArray, links: Links) -> tuple[tuple[int, int], ...]:
     """The path of each measurement that more likely than not is the direct one; -1 for a range without direction."""
-    observations = found.mixture.observations
-    _, w = displacements_in_a(state[None], observations)
-    explanation = found.mixture.explain(seen_by_receiver(w, state[None, :1], ~observations.a_receives))
+    explanation = explained(state, found.mixture)
     path = explanation.path[0]
     best = np.argmax(path, axis=1)
     direct = path[np.arange(len(links)), best] > 0.5
@@ -108,18 +109,14 @@ def _paths_kept(found: AnchoredPeaks, state: FloatArray, links: Links) -> tuple[
     return tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], chosen[kept], strict=True))
 
 
-def _covariance(found: AnchoredPeaks) -> FloatArray:
-    """`(6, 6)` of the best frame transform, as errors in b's odometry frame (see `wiclosure.se3`)."""
-    observations, state = found.mixture.observations, found.peaks.states[0]
+def tangent_covariance(state: FloatArray, covariance: FloatArray, observations: Observations) -> FloatArray:
+    """`(6, 6)` of a frame transform, as errors in b's odometry frame (see `wiclosure.se3`), from that of its state."""
     T_a_b = observations.frame_transform(state)
-    information = found.peaks.information[0]
-    scale = np.trace(information) / 4
-    covariance = np.linalg.inv(information + 1e-9 * scale * np.eye(4))
     to_tangent = np.zeros((6, 4))  # d(yaw, centre's place in a) -> [rotation, translation] in b's odometry axes
     to_tangent[2, 0] = 1.0
     to_tangent[3:, 0] = -np.cross([0.0, 0.0, 1.0], observations.centre_b)
     to_tangent[3:, 1:] = T_a_b[:3, :3].T
-    level = np.diag([1e-6, 1e-6, 0.0, 0.0, 0.0, 0.0])
+    level = np.diag([_LEVEL_SIGMA_RAD**2, _LEVEL_SIGMA_RAD**2, 0.0, 0.0, 0.0, 0.0])
     return np.asarray(to_tangent @ covariance @ to_tangent.T + level)
 
 

@@ -32,6 +32,28 @@ class RadioSettings(Settings):
     )
 
 
+class GuardSettings(Settings):
+    """When an alignment must not be used to prune."""
+
+    min_odds: float = Field(
+        20.0, gt=1.0, description="odds against all different alignments below which the best is not certain"
+    )
+    min_redundancy: float = Field(
+        1.5,
+        ge=0.0,
+        description="measured numbers beyond those that the alignment needs; a chance agreement has few to spare",
+    )
+    max_yaw_sigma_rad: float = Field(0.35, gt=0.0, description="rad; beyond it errors are no longer Gaussian")
+    max_relative_sigma: float = Field(
+        0.25, gt=0.0, description="position sigma at the links over the distance of the links; beyond it likewise"
+    )
+    same_place_fraction: float = Field(
+        0.15,
+        gt=0.0,
+        description="alignments that differ by less (over the links' distance) are one: the covariance covers it",
+    )
+
+
 class AlignmentSettings(Settings):
     """How two odometry frames are aligned from what the robots heard of each other."""
 
@@ -62,18 +84,9 @@ class AlignmentSettings(Settings):
     drift_inflation: float = Field(
         1.5, gt=0.0, description="factor on the odometry's standard deviations, since drift models are optimistic"
     )
-    proposals: int = Field(12_000, ge=100, description="frame transforms that are scored, at most")
+    proposals: int = Field(6_000, ge=100, description="frame transforms that are scored, at most")
     pcm_confidence: float = Field(
         0.95, gt=0.0, lt=1.0, description="quantile of chi-square below which a pair of links is consistent"
     )
     max_pcm_links: int = Field(600, ge=2, description="links in the consistency graph; the most certain are kept")
-    min_independent_links: int = Field(
-        2, ge=1, description="kept links from different places below which an alignment is not certain"
-    )
-    min_runner_up_ratio: float = Field(
-        30.0, gt=1.0, description="odds against the best different alignment below which the best is not certain"
-    )
-    max_yaw_sigma_rad: float = Field(0.5, gt=0.0, description="rad; beyond it the alignment prunes nothing useful")
-    max_position_sigma_m: float = Field(
-        30.0, gt=0.0, description="m, at the other robot's trajectory where links are; beyond it nothing is pruned"
-    )
+    guard: GuardSettings = GuardSettings()

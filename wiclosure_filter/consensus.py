@@ -20,19 +20,20 @@ from wiclosure.wiclosure_filter.proposals import Correspondences
 from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb, displacement_m
 
 _ANCHORS = 4
-_QUICK_LOOK = 32  # measurements in the first scoring
+_QUICK_LOOK = 20  # measurements in the first scoring
 _CLIMBERS = 48  # proposals that are refined, at few measurements
-_CLIMBER_ROWS = 2_000  # proposals times measurements that are refined, at many
+_CLIMBER_ROWS = 1_500  # proposals times measurements that are refined, at many
 _ROWS_AN_ANCHOR = 25
 _APART_M = 1.0  # proposals nearer than this climb to the same peak
 
 
 @dataclass(frozen=True, eq=False)
 class AnchoredPeaks:
-    """Peaks of the posterior, best first, with the drift that they were found under."""
+    """Peaks of the posterior, best first, with the prior and the drift that they were found under."""
 
     peaks: Peaks
     mixture: Mixture
+    prior: Prior
 
 
 def consensus(
@@ -60,8 +61,18 @@ def consensus(
             drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
             mixture = Mixture.of(observations, settings.radio, drift)
             peaks = climb(_promising(states, mixture, prior), mixture, prior)
-            found.append(AnchoredPeaks(peaks.distinct(observations), mixture))
-    return max(found, key=lambda one: float(one.peaks.log_posterior[0])) if found else None
+            found.append(AnchoredPeaks(peaks.distinct(observations), mixture, prior))
+    return _joined(found)
+
+
+def _joined(found: list[AnchoredPeaks]) -> AnchoredPeaks | None:
+    """The peaks of all anchors under the drift of the best one, so that they can be compared."""
+    if len(found) <= 1:
+        return found[0] if found else None
+    best = max(found, key=lambda one: float(one.peaks.log_posterior[0]))
+    states = np.concatenate([one.peaks.states for one in found])
+    peaks = climb(states, best.mixture, best.prior).distinct(best.mixture.observations)
+    return AnchoredPeaks(peaks, best.mixture, best.prior)
 
 
 def _anchors(observations: Observations) -> list[tuple[int, IntArray]]:

@@ -82,7 +82,7 @@ class Observations:
             sigma=links.sigma,
             weight=links.weight,
             has_bearing=links.has_bearing,
-            independence=independence(links.antenna_a, links.antenna_b, settings.radio.static_radius_m),
+            independence=independence(links, settings.radio.static_radius_m),
             yaw=links.yaw,
             yaw_sigma=links.yaw_sigma,
             near_range_m=near,
@@ -107,15 +107,17 @@ class Observations:
         return np.concatenate([[se3.yaw(T_a_b)], se3.transform(T_a_b, self.centre_b) - self.centre_a])
 
 
-def independence(a: FloatArray, b: FloatArray, radius_m: float) -> FloatArray:
-    """Weight `(M,)` of each measurement: one over how many were taken with both antennas within `radius_m` of it.
+def independence(links: Links, radius_m: float) -> FloatArray:
+    """Weight `(M,)` of each measurement: one over how many of its kind were taken in the same place.
 
     Where robots stand still, every measurement sees the same reflections: a hundred of them prove no more than one
     that the path which they share is the direct one.
     """
-    if radius_m <= 0 or len(a) == 0:
-        return np.ones(len(a))
-    cell = np.floor(np.concatenate([a - a[0], b - b[0]], axis=1)[:, [0, 1, 3, 4]] / radius_m + 0.5)
+    if radius_m <= 0 or len(links) == 0:
+        return np.ones(len(links))
+    places = np.concatenate([links.antenna_a - links.antenna_a[0], links.antenna_b - links.antenna_b[0]], axis=1)
+    kind = np.column_stack([links.a_receives, links.has_range, links.has_bearing])
+    cell = np.column_stack([np.floor(places / radius_m + 0.5), kind])
     _, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / count[group.reshape(-1)])
 

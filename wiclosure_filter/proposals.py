@@ -140,7 +140,7 @@ def from_rays(observations: Observations, rows: IntArray, yaws: FloatArray, limi
     s_2 = (base[:, 0] * ray_1[:, 1] - base[:, 1] * ray_1[:, 0]) / safe
     possible = (s_1 > 0) & (s_2 > 0) & (row[first] != row[second])
     meeting = centre_1 + s_1[:, None] * ray_1
-    return np.column_stack([yaw, meeting])[possible]
+    return np.asarray(np.column_stack([yaw, meeting])[possible])
 
 
 def yaw_grid() -> FloatArray:

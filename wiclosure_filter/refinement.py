@@ -12,7 +12,7 @@ import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.links import BoolArray
-from wiclosure.wiclosure_filter.mixture import MIN_DISTANCE_M, Mixture
+from wiclosure.wiclosure_filter.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.observations import Observations
 
 _FIRST_STEPS = 5
@@ -229,6 +229,12 @@ def seen_by_receiver(w: FloatArray, yaw: FloatArray, back: BoolArray) -> FloatAr
         [cosine * w[..., 0] + sine * w[..., 1], cosine * w[..., 1] - sine * w[..., 0], w[..., 2]], axis=-1
     )
     return np.asarray(np.where(back[:, None], from_b, w))
+
+
+def explained(state: FloatArray, mixture: Mixture) -> Explanation:
+    """What explains each measurement at one state `(4,)`; leading dimension 1."""
+    _, w = displacements_in_a(state[None], mixture.observations)
+    return mixture.explain(seen_by_receiver(w, state[None, :1], ~mixture.observations.a_receives))
 
 
 def displacements_in_a(states: FloatArray, observations: Observations) -> tuple[FloatArray, FloatArray]:
