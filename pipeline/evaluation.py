@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 from pydantic import Field
 
+from wiclosure.pipeline.closure_quality import candidate_metrics, closure_metrics
+from wiclosure.pipeline.metrics import AlignmentMetrics, ComponentMetrics, Metrics
+from wiclosure.pipeline.trajectory_error import (
+    Matched,
+    all_matched,
+    inter_robot_error,
+    joint_errors,
+    relative_errors,
+    rms,
+)
 from wiclosure.settings import Settings
+from wiclosure.types import Closure, FilterResult, FloatArray, Trajectory, robot_pairs
 
 
 class EvaluationSettings(Settings):
@@ -29,3 +43,115 @@ class EvaluationSettings(Settings):
         1.0, gt=0, description="s; a pose is compared only if ground truth has stamps this near on both sides"
     )
     rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
+
+
+def evaluate(
+    *,
+    filtered: FilterResult,
+    keyframes: Mapping[str, Trajectory],
+    verified: Sequence[Closure],
+    closures: Sequence[Closure],
+    merged: Mapping[str, Trajectory],
+    components: Sequence[Sequence[str]],
+    truth: Mapping[str, Trajectory],
+    settings: EvaluationSettings,
+    seconds: Mapping[str, float],
+    bytes_exchanged: int | None = None,
+    peak_rss_mb: float | None = None,
+    diagnosis: Sequence[str] = (),
+) -> Metrics:
+    """All of `metrics.json`.
+
+    Args:
+        filtered: what the candidate filter kept.
+        keyframes: keyframe odometry by robot; candidates and closures refer to its indices.
+        verified: every proposed closure as registration left it.
+        closures: the same closures as the back end left them.
+        merged: `T_world_body` by robot, of keyframes or of all scans.
+        components: robots that accepted closures connect.
+        truth: ground truth by robot, all in one world; robots may be missing, and it may be empty.
+        settings: what counts as true.
+        seconds: wall time a stage.
+        bytes_exchanged: what the robots would have sent each other.
+        peak_rss_mb: peak memory.
+        diagnosis: sentences so far; those of the evaluation are added.
+    """
+    gap_s = settings.ground_truth_gap_s
+    robots = all_matched(merged, truth, gap_s)
+    by_component = [joint_errors([robots[robot] for robot in group]) for group in components]
+    errors = {robot: error for group in by_component for robot, error in group.items()}
+    parts: list[ComponentMetrics] = [
+        {"robots": list(group), "ate_m": _rms_of_all(found)}
+        for group, found in zip(components, by_component, strict=True)
+    ]
+    judged = [part for part in parts if part["ate_m"] is not None]
+    return {
+        "filter": filtered.filter_name,
+        "pairs_total": filtered.pairs_total,
+        "pairs_kept": filtered.pairs_kept,
+        "candidates": candidate_metrics(
+            filtered.pairs, keyframes, truth, radius_m=settings.overlap_radius_m, gap_s=gap_s
+        ),
+        "candidates_registrable": candidate_metrics(
+            filtered.pairs, keyframes, truth, radius_m=settings.registrable_radius_m, gap_s=gap_s
+        ),
+        "closures": closure_metrics(
+            verified,
+            closures,
+            keyframes,
+            truth,
+            error_m=settings.closure_error_m,
+            error_deg=settings.closure_error_deg,
+            gap_s=gap_s,
+        ),
+        "ate_m": {"team": judged[0]["ate_m"] if len(judged) == 1 else None}
+        | {robot: rms(errors[robot]) if robot in errors else None for robot in robots},
+        "ate_own_m": {name: _rms_of_all(joint_errors([robot])) for name, robot in robots.items()},
+        "components": parts,
+        "rpe": {name: relative_errors(robot, settings.rpe_distance_m) for name, robot in robots.items() if len(robot)},
+        "alignment": _alignments(robots, components, filtered),
+        "seconds": dict(seconds),
+        "bytes_exchanged": bytes_exchanged,
+        "peak_rss_mb": peak_rss_mb,
+        "diagnosis": [*diagnosis, *_remarks(robots, judged, truth)],
+    }
+
+
+def _rms_of_all(errors: Mapping[str, FloatArray]) -> float | None:
+    return rms(np.concatenate(list(errors.values()))) if errors else None
+
+
+def _alignments(
+    robots: Mapping[str, Matched], components: Sequence[Sequence[str]], filtered: FilterResult
+) -> dict[str, AlignmentMetrics]:
+    """Errors between each two robots, by `a-b`; None for two that no closures connect."""
+    ambiguous = {frozenset((a.robot_a, a.robot_b)): a.ambiguous for a in filtered.alignments}
+    found: dict[str, AlignmentMetrics] = {}
+    for a, b in robot_pairs(list(robots)):
+        connected = any(a in group and b in group for group in components)
+        error = inter_robot_error(robots[a], robots[b]) if connected else None
+        found[f"{a}-{b}"] = {
+            "translation_error_m": error[0] if error else None,
+            "rotation_error_deg": error[1] if error else None,
+            "ambiguous": ambiguous.get(frozenset((a, b))),
+        }
+    return found
+
+
+def _remarks(
+    robots: Mapping[str, Matched], judged: Sequence[ComponentMetrics], truth: Mapping[str, Trajectory]
+) -> list[str]:
+    """What the numbers leave out, in sentences."""
+    remarks = []
+    if missing := [name for name, robot in robots.items() if not len(robot)]:
+        lacking = [name for name in missing if name not in truth]
+        if lacking:
+            remarks.append(f"no ground truth for {', '.join(lacking)}: no errors are given there")
+        if elsewhere := [name for name in missing if name in truth]:
+            remarks.append(f"ground truth of {', '.join(elsewhere)} does not overlap with the recording in time")
+    if len(judged) > 1:
+        groups = "; ".join(f"{' and '.join(part['robots'])} {part['ate_m']:.2f} m" for part in judged)
+        remarks.append(
+            f"no team ATE, because the robots are not all connected; each group aligned on its own: {groups}"
+        )
+    return remarks

@@ -1,0 +1,107 @@
+"""Candidates and closures against ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.pipeline.metrics import CandidateMetrics, ClosureMetrics
+from wiclosure.pipeline.trajectory_error import truth_at
+from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
+
+
+def candidate_metrics(
+    pairs: Sequence[CandidatePairs],
+    keyframes: Mapping[str, Trajectory],
+    truth: Mapping[str, Trajectory],
+    *,
+    radius_m: float,
+    gap_s: float,
+) -> CandidateMetrics:
+    """Precision, recall and share pruned of the kept pairs; a pair is true within `radius_m`.
+
+    Only pairs of which both keyframes have ground truth count.  True pairs are counted by a tree, without listing them.
+    """
+    places = {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
+    total = true = kept = kept_true = 0
+    for pair in pairs:
+        (poses_a, covered_a), (poses_b, covered_b) = places[pair.robot_a], places[pair.robot_b]
+        position_a, position_b = poses_a[:, :3, 3], poses_b[:, :3, 3]
+        total += int(covered_a.sum()) * int(covered_b.sum())
+        true += _pairs_within(position_a[covered_a], position_b[covered_b], radius_m)
+        counted = covered_a[pair.index_a] & covered_b[pair.index_b]
+        apart = position_a[pair.index_a[counted]] - position_b[pair.index_b[counted]]
+        kept += len(apart)
+        kept_true += int((np.einsum("ni,ni->n", apart, apart) <= radius_m**2).sum())
+    return {
+        "radius_m": radius_m,
+        "true": true if total else None,
+        "kept_true": kept_true if total else None,
+        "precision": kept_true / kept if kept else None,
+        "recall": kept_true / true if true else None,
+        "pruned": 1 - kept / total if total else None,
+    }
+
+
+def _pairs_within(position_a: FloatArray, position_b: FloatArray, radius_m: float) -> int:
+    from scipy.spatial import cKDTree
+
+    if not len(position_a) or not len(position_b):
+        return 0
+    return int(cKDTree(position_a).count_neighbors(cKDTree(position_b), radius_m))
+
+
+def closure_metrics(
+    verified: Sequence[Closure],
+    final: Sequence[Closure],
+    keyframes: Mapping[str, Trajectory],
+    truth: Mapping[str, Trajectory],
+    *,
+    error_m: float,
+    error_deg: float,
+    gap_s: float,
+) -> ClosureMetrics:
+    """How far the closures came, and which of them are true.
+
+    Args:
+        verified: every proposed closure as registration left it.
+        final: the same closures as the back end left them.
+        keyframes: the trajectories that they refer to.
+        truth: ground truth by robot, as far as there is any.
+        error_m: metres within which a closure is true, if it is also
+        error_deg: within these degrees.
+        gap_s: how near ground truth must be in time.
+    """
+    passed = [c for c in verified if c.decision in (Decision.VERIFIED, Decision.ACCEPTED)]
+    accepted = [c for c in final if c.decision is Decision.ACCEPTED]
+    counts: list[int | None] = []
+    for closures in (passed, accepted):
+        metres, degrees, covered = closure_errors(closures, keyframes, truth, gap_s)
+        right = int(((metres <= error_m) & (degrees <= error_deg))[covered].sum())
+        known = bool(covered.any()) or (not closures and bool(truth))
+        counts += [right, int(covered.sum()) - right] if known else [None, None]
+    return {
+        "proposed": len(verified),
+        "verified": len(passed),
+        "accepted": len(accepted),
+        "verified_true": counts[0],
+        "verified_false": counts[1],
+        "accepted_true": counts[2],
+        "accepted_false": counts[3],
+    }
+
+
+def closure_errors(
+    closures: Sequence[Closure], keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Errors `(N,)` in m and degrees of the closures' transforms, and for which of them ground truth says so."""
+    places = {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
+    if not closures:
+        return np.zeros(0), np.zeros(0), np.zeros(0, bool)
+    ends = [[places[k.robot][0][k.index] for k in (c.query, c.match)] for c in closures]
+    covered = np.array([all(places[k.robot][1][k.index] for k in (c.query, c.match)) for c in closures])
+    true_query, true_match = np.swapaxes(np.array(ends), 0, 1)
+    error = se3.between(np.stack([c.T_query_match for c in closures]), se3.between(true_query, true_match))
+    return np.linalg.norm(error[:, :3, 3], axis=1), np.degrees(se3.rotation_angle(error)), covered

@@ -1,0 +1,78 @@
+"""The contents of `metrics.json`, typed. `None` stands where there is no ground truth, or nothing to divide by."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+
+class CandidateMetrics(TypedDict):
+    """Kept pairs of keyframes against those that are truly within a radius, over pairs with ground truth."""
+
+    radius_m: float
+    true: int | None
+    kept_true: int | None
+    precision: float | None
+    recall: float | None
+    pruned: float | None
+
+
+class ClosureMetrics(TypedDict):
+    """How many closures came how far; true and false by ground truth, of those that have it."""
+
+    proposed: int
+    verified: int
+    accepted: int
+    verified_true: int | None
+    verified_false: int | None
+    accepted_true: int | None
+    accepted_false: int | None
+
+
+class AlignmentMetrics(TypedDict):
+    """Where the merged result puts one robot relative to another, against ground truth."""
+
+    translation_error_m: float | None
+    rotation_error_deg: float | None
+    ambiguous: bool | None
+
+
+class RelativeErrorMetrics(TypedDict):
+    """Root mean square error of relative poses: from one pose to the next, and over a distance."""
+
+    step_m: float | None
+    step_deg: float | None
+    distance_m: float
+    translation_m: float | None
+    rotation_deg: float | None
+    translation_percent: float | None
+
+
+class ComponentMetrics(TypedDict):
+    """Robots that accepted closures connect, and their error under one alignment."""
+
+    robots: list[str]
+    ate_m: float | None
+
+
+class Metrics(TypedDict):
+    """All of `metrics.json`.
+
+    `ate_m` holds `team`, which is None unless all robots with ground truth are connected, and one value a robot under
+    the alignment of its component; `ate_own_m` has each robot aligned on its own, which hides errors between robots.
+    """
+
+    filter: str
+    pairs_total: int
+    pairs_kept: int
+    candidates: CandidateMetrics
+    candidates_registrable: CandidateMetrics
+    closures: ClosureMetrics
+    ate_m: dict[str, float | None]
+    ate_own_m: dict[str, float | None]
+    components: list[ComponentMetrics]
+    rpe: dict[str, RelativeErrorMetrics]
+    alignment: dict[str, AlignmentMetrics]
+    seconds: dict[str, float]
+    bytes_exchanged: int | None
+    peak_rss_mb: float | None
+    diagnosis: list[str]
