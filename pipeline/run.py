@@ -1,0 +1,132 @@
+"""One run from scans to a merged map.  This is the pipeline's table of contents."""
+
+from __future__ import annotations
+
+import logging
+import resource
+import time
+from dataclasses import dataclass
+
+from wiclosure.backends.graph_result import carried
+from wiclosure.backends.merged_map import MergedMap, merge_maps
+from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.registration import Registration
+from wiclosure.interfaces import CandidateFilter
+from wiclosure.pipeline.cache import StageCache
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.evaluation import evaluate
+from wiclosure.pipeline.inputs import Inputs
+from wiclosure.pipeline.metrics import Metrics
+from wiclosure.pipeline.odometry_stage import front_ends, left_out
+from wiclosure.pipeline.progress import Progress
+from wiclosure.pipeline.solve import RegistrationMemory, Solution, solve
+from wiclosure.types import Trajectory
+from wiclosure.wiclosure_filter.registry import make_filter
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """Everything that a run found; `wiclosure.pipeline.run_folder` writes it.
+
+    Args:
+        config: what it ran with.
+        inputs: what it read.
+        fronts: odometry, keyframes, descriptors by robot.
+        solution: candidates, closures, graph.
+        merged: pose of every scan by robot, in the world of its component.
+        merged_map: the keyframes' clouds of the first robot's component in one frame.
+        metrics: all figures.
+    """
+
+    config: Config
+    inputs: Inputs
+    fronts: dict[str, FrontEndResult]
+    solution: Solution
+    merged: dict[str, Trajectory]
+    merged_map: MergedMap
+    metrics: Metrics
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What all runs over the same recordings share: odometry, and registrations done so far."""
+
+    inputs: Inputs
+    config: Config
+    fronts: dict[str, FrontEndResult]
+    from_cache: tuple[str, ...]
+    memory: RegistrationMemory
+
+    def candidate_filter(self, name: str) -> CandidateFilter:
+        """The filter of that name, with this run's settings and ground truth."""
+        truth = self.inputs.ground_truth
+        return make_filter(name, self.config.filter, truth if len(truth) == len(self.fronts) else None)
+
+
+def prepare(inputs: Inputs, config: Config, *, cache: StageCache, jobs: int, progress: Progress) -> Prepared:
+    """Opens what can fail early, then does every robot's own part: odometry, keyframes, descriptors."""
+    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress)
+    return Prepared(inputs, config, fronts, from_cache, RegistrationMemory(Registration(config.registration)))
+
+
+def run(prepared: Prepared, candidate_filter: CandidateFilter, *, progress: Progress) -> RunResult:
+    """Filters, matches, verifies, optimises, maps and evaluates."""
+    inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
+    solution = solve(fronts, inputs.wireless, candidate_filter, config, memory=prepared.memory, progress=progress)
+    merged = {
+        robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
+        for robot, front in fronts.items()
+    }
+    began = time.perf_counter()
+    merged_map = _map(fronts, solution, config)
+    seconds = {
+        "odometry": sum(f.seconds_odometry for f in fronts.values()),
+        "descriptors": sum(f.seconds_descriptors for f in fronts.values()),
+        **solution.seconds,
+        "mapping": time.perf_counter() - began,
+    }
+    seconds["total"] = sum(seconds.values())
+    metrics = evaluate(
+        filtered=solution.filtered,
+        keyframes={robot: front.keyframes for robot, front in fronts.items()},
+        verified=solution.verified,
+        closures=solution.closures,
+        merged=merged,
+        components=solution.graph.components,
+        truth=inputs.ground_truth,
+        settings=config.evaluation,
+        seconds=seconds,
+        bytes_exchanged=solution.bytes_exchanged,
+        peak_rss_mb=peak_rss_mb(),
+        diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
+    )
+    for sentence in metrics["diagnosis"]:
+        logger.info("%s", sentence)
+    return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+
+
+def peak_rss_mb() -> float:
+    """Largest memory that this process has had, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) -> MergedMap:
+    """The first component's clouds; what is not connected has no place in its frame."""
+    first = solution.graph.components[0]
+    clouds = (
+        (number, pose, cloud)
+        for number, (robot, front) in enumerate(fronts.items())
+        if robot in first
+        for pose, cloud in zip(solution.graph.trajectories[robot].poses, front.clouds, strict=True)
+    )
+    return merge_maps(clouds, config.map)
+
+
+def _about_inputs(prepared: Prepared) -> list[str]:
+    inputs, fronts = prepared.inputs, prepared.fronts
+    sentences = [s for robot in inputs.robots for s in left_out(robot, fronts[robot.robot])]
+    if len(inputs.robots) == 1:
+        sentences.append("there is one robot only, so there is nothing to merge: its map is that of plain odometry")
+    return sentences

@@ -1,0 +1,69 @@
+"""The files of a run: what `wiclosure run` leaves behind, and what `wiclosure eval` reads again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from wiclosure.backends.graph_result import write_g2o
+from wiclosure.backends.merged_map import write_ply
+from wiclosure.errors import InputError
+from wiclosure.formats.candidates_csv import write_candidates
+from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.pipeline.closures_csv import write_closures
+from wiclosure.pipeline.config import dump_config
+from wiclosure.pipeline.metrics import Metrics
+from wiclosure.pipeline.run import RunResult
+from wiclosure.types import Trajectory
+
+
+def write_run(folder: Path, result: RunResult) -> None:
+    """Writes everything but the pictures into an existing folder."""
+    (folder / "config.yaml").write_text(dump_config(result.config), encoding="utf-8")
+    write_json(folder / "metrics.json", result.metrics)
+    for robot, front in result.fronts.items():
+        write_tum(folder / f"{robot}.tum", result.merged[robot])
+        write_tum(folder / f"{robot}_odometry.tum", front.odometry)
+    for robot, truth in result.inputs.ground_truth.items():
+        write_tum(folder / f"{robot}_ground_truth.tum", truth)
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    write_candidates(folder / "candidates.csv", result.solution.filtered.pairs, keyframes)
+    write_closures(folder / "closures.csv", result.solution.closures, keyframes)
+    write_g2o(result.solution.graph, folder / "graph.g2o")
+    write_ply(result.merged_map, folder / "map.ply")
+
+
+def write_json(path: Path, content: object) -> None:
+    """Writes readable JSON."""
+    path.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_metrics(folder: Path) -> Metrics:
+    """The figures of a finished run.
+
+    Raises:
+        InputError: the folder is not one that `wiclosure run` wrote.
+    """
+    path = folder / "metrics.json"
+    try:
+        metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give a folder that wiclosure run wrote") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not valid JSON ({error}); give a folder that wiclosure run wrote") from error
+    if not isinstance(metrics, dict) or "components" not in metrics:
+        raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
+    return metrics
+
+
+def read_trajectories(folder: Path) -> tuple[dict[str, Trajectory], dict[str, Trajectory]]:
+    """Merged trajectories of a finished run, and ground truth, by robot.
+
+    Raises:
+        InputError: a trajectory is missing or damaged.
+    """
+    metrics = read_metrics(folder)
+    robots = [robot for component in metrics["components"] for robot in component["robots"]]
+    merged = {robot: read_tum(folder / f"{robot}.tum", robot) for robot in robots}
+    paths = {robot: folder / f"{robot}_ground_truth.tum" for robot in robots}
+    return merged, {robot: read_tum(path, robot) for robot, path in paths.items() if path.exists()}

@@ -1,0 +1,164 @@
+"""From odometry and radio to one estimate: the part of a run that a candidate filter changes."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wiclosure.backends.pcm import pairwise_consistent
+from wiclosure.backends.pose_graph import GraphResult, optimise
+from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.matching import MatchResult, match
+from wiclosure.frontends.registration import Registration
+from wiclosure.interfaces import CandidateFilter
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.progress import Progress
+from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, FloatArray, KeyframeId, WirelessLog
+
+logger = logging.getLogger(__name__)
+
+Prior = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What one filter made of the robots' odometry.
+
+    Args:
+        filtered: pairs kept by the filter, alignments, its diagnosis.
+        matched: what scan context proposed of them, one entry a robot pair.
+        closures: every proposed closure with its final decision and reason.
+        verified: the same closures as the registration left them.
+        graph: trajectories in one world frame.
+        seconds: wall time a stage, as if nothing had been computed before.
+        bytes_exchanged: what the robots would have sent each other.
+        diagnosis: sentences for the user: why there are few or no closures.
+    """
+
+    filtered: FilterResult
+    matched: tuple[MatchResult, ...]
+    closures: tuple[Closure, ...]
+    verified: tuple[Closure, ...]
+    graph: GraphResult
+    seconds: dict[str, float]
+    bytes_exchanged: int
+    diagnosis: tuple[str, ...]
+
+
+@dataclass
+class RegistrationMemory:
+    """Registrations done before, by all that they depend on, with the time each took.
+
+    Arms of a comparison share it: a pair registered from the same start is registered once, and its time is charged to
+    every arm that needs it.
+    """
+
+    registration: Registration
+    known: dict[tuple[object, ...], tuple[Closure, float]] = field(default_factory=dict)
+
+    def verify(
+        self, proposed: Closure, fronts: Mapping[str, FrontEndResult], prior: Prior | None
+    ) -> tuple[Closure, float]:
+        """The verified or rejected closure, and the seconds that its registration took."""
+        start = [part.tobytes() for part in prior] if prior is not None else [proposed.evidence.scan_context_yaw]
+        key = (proposed.query, proposed.match, *start)
+        if key not in self.known:
+            began = time.perf_counter()
+            query, match_ = (fronts[k.robot].clouds[k.index] for k in (proposed.query, proposed.match))
+            verified = self.registration.verify(proposed, query, match_, prior)
+            self.known[key] = verified, time.perf_counter() - began
+        return self.known[key]
+
+
+def solve(
+    fronts: Mapping[str, FrontEndResult],
+    wireless: WirelessLog,
+    candidate_filter: CandidateFilter,
+    config: Config,
+    *,
+    memory: RegistrationMemory,
+    progress: Progress,
+) -> Solution:
+    """Filter, match, verify, check consistency, optimise."""
+    keyframes = {robot: front.keyframes for robot, front in fronts.items()}
+
+    filtered = candidate_filter.candidates(keyframes, wireless)
+    matched = tuple(
+        match(pairs, fronts[pairs.robot_a].descriptors, fronts[pairs.robot_b].descriptors, config.matching)
+        for pairs in filtered.pairs
+    )
+    verified, verification_s = _verify(filtered.pairs, matched, fronts, memory, progress)
+    began = time.perf_counter()
+    consistent = pairwise_consistent(verified, keyframes, config.pcm)
+    graph = optimise(keyframes, consistent.closures, config.pose_graph)
+    optimisation_s = time.perf_counter() - began
+
+    closures = graph.closures
+    return Solution(
+        filtered=filtered,
+        matched=matched,
+        closures=closures,
+        graph=graph,
+        seconds={
+            "filter": filtered.seconds,
+            "matching": sum(m.seconds for m in matched),
+            "verification": verification_s,
+            "optimisation": optimisation_s,
+        },
+        bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
+        verified=tuple(verified),
+        diagnosis=(
+            *filtered.diagnosis,
+            *_nothing_left(filtered, matched, verified, closures),
+            *consistent.diagnosis,
+            *graph.diagnosis,
+        ),
+    )
+
+
+def _verify(
+    pairs: Sequence[CandidatePairs],
+    matched: Sequence[MatchResult],
+    fronts: Mapping[str, FrontEndResult],
+    memory: RegistrationMemory,
+    progress: Progress,
+) -> tuple[list[Closure], float]:
+    """Registers every proposed closure; the seconds count shared registrations in full."""
+    work = [
+        (closure, (closure.T_query_match, closure.covariance) if of.predictor is not None else None)
+        for of, result in zip(pairs, matched, strict=True)
+        for closure in result.closures
+    ]
+    done = [memory.verify(closure, fronts, prior) for closure, prior in progress.track(work, "registration", len(work))]
+    return [closure for closure, _ in done], sum(seconds for _, seconds in done)
+
+
+def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts: Mapping[str, FrontEndResult]) -> int:
+    """What crosses the radio link: robot_b of each pair sends, robot_a compares.
+
+    Descriptors of the keyframes that occur in kept pairs, then clouds of those in proposed closures, each once.
+    """
+    described = {(p.robot_a, p.robot_b): np.unique(p.index_b) for p in filtered.pairs}
+    descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
+    sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures}
+    return descriptors + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
+
+
+def _nothing_left(
+    filtered: FilterResult, matched: Sequence[MatchResult], verified: Sequence[Closure], closures: Sequence[Closure]
+) -> tuple[str, ...]:
+    """Where the candidates were lost, said when nothing reached the graph."""
+    if any(c.decision is Decision.ACCEPTED for c in closures) or not filtered.pairs:
+        return ()
+    reasons = Counter(c.reason for c in closures if c.decision is Decision.REJECTED)
+    often = f"; most often: {reasons.most_common(1)[0][0]}" if reasons else ""
+    return (
+        f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
+        f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration verified"
+        f" {sum(c.decision is Decision.VERIFIED for c in verified)}{often}",
+    )
