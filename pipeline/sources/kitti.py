@@ -79,18 +79,24 @@ def kitti_scans(path: Path) -> tuple[list[Path], IntArray]:
     if not files:
         raise InputError(f"{folder} holds no .bin scans; copy them there or choose another folder")
     stamps_ns = read_times(times_file)
-    return files, _stamps_of(files, stamps_ns, times_file)
+    return files, stamps_ns[rows_of_scans(files, len(stamps_ns), times_file, "times")]
 
 
-def _stamps_of(files: Sequence[Path], stamps_ns: IntArray, times_file: Path) -> IntArray:
-    """The stamp of each scan: by order when there are as many, by the scan's number when some scans are missing."""
-    if len(files) == len(stamps_ns):
-        return stamps_ns
+def rows_of_scans(files: Sequence[Path], count: int, path: Path, what: str) -> IntArray:
+    """The line `(N,)` of each scan in a file of `count` lines, one a scan.
+
+    By order when there are as many as scans, else by the scan's number: some raw drives miss scans.
+
+    Raises:
+        InputError: there are fewer lines than scans.
+    """
+    if len(files) == count:
+        return np.arange(count)
     numbers = [int(file.stem) for file in files if file.stem.isdigit()]
-    if len(numbers) == len(files) and max(numbers) < len(stamps_ns):
-        return stamps_ns[numbers]
+    if len(numbers) == len(files) and max(numbers) < count:
+        return np.array(numbers, np.int64)
     raise InputError(
-        f"{times_file} has {len(stamps_ns)} times for {len(files)} scans (the last is {files[-1].name});"
+        f"{path} has {count} {what} for {len(files)} scans (the last is {files[-1].name});"
         " complete it, or remove the scans beyond its end"
     )
 
