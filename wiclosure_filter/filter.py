@@ -38,6 +38,8 @@ class WiClosureFilter:
 
     def __init__(self, settings: FilterSettings | None = None) -> None:
         self.settings = settings or FilterSettings()
+        self._trajectories: dict[str, Trajectory] = {}
+        self._wireless = WirelessLog()
 
     def candidates(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> FilterResult:
         """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
@@ -63,6 +65,25 @@ class WiClosureFilter:
             diagnosis=diagnosis,
             seconds=perf_counter() - start,
         )
+
+    def update(self, new_keyframes: Mapping[str, Trajectory], new_wireless: WirelessLog) -> FilterResult:
+        """Takes in what is new since the last call; the pairs of all that is known by now.
+
+        Exactly those of `candidates` on everything at once, and at that cost: a single new measurement may turn an
+        alignment, and with it every pair.
+
+        Args:
+            new_keyframes: later keyframes of some robots, in the odometry frames of the earlier ones.
+            new_wireless: measurements and headings, in any order.
+
+        Raises:
+            InputError: as `candidates`, or keyframes that are not later.
+        """
+        for robot, later in new_keyframes.items():
+            earlier = self._trajectories.get(robot)
+            self._trajectories[robot] = later if earlier is None else _continued(earlier, later)
+        self._wireless = self._wireless + new_wireless
+        return self.candidates(self._trajectories, self._wireless)
 
     def align(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[FrameAlignment, ...]:
         """Frame alignments of all pairs of robots that heard each other."""
@@ -125,6 +146,11 @@ def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog
     if not unknown:
         return ()
     return (f"the wireless log names {', '.join(unknown)}, of which there is no trajectory; left out",)
+
+
+def _continued(earlier: Trajectory, later: Trajectory) -> Trajectory:
+    stamps_ns = np.concatenate([earlier.stamps_ns, later.stamps_ns])
+    return Trajectory(earlier.robot, stamps_ns, np.concatenate([earlier.poses, later.poses]), earlier.drift)
 
 
 def _best(kept: KeptPairs, budget: int | None) -> KeptPairs:

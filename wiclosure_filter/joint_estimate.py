@@ -75,11 +75,10 @@ class JointEstimate:
         C_ab = se3.compose_covariance(se3.inverse_covariance(T_node_a, C_a), T_nodes, C_nodes)
         C_ab = se3.compose_covariance(C_ab, T_node_b, C_b)
         T_a_b = T_a_node @ T_nodes @ T_node_b
-        T_world_a, T_world_b = self.T_world_node[node_a] @ T_node_a, self.T_world_node[node_b] @ T_node_b
         # The positions that the gate saw: blended, not those of the nearest node alone.
-        a, b = self._blended(robot_a, index_a), self._blended(robot_b, index_b)
-        T_world_a[:, :3, 3], T_world_b[:, :3, 3] = a, b
-        T_a_b[:, :3, 3] = se3.between(T_world_a, T_world_b)[:, :3, 3]
+        apart = self.positions[robot_b][index_b] - self.positions[robot_a][index_a]
+        R_world_a = self.T_world_node[node_a, :3, :3] @ T_node_a[:, :3, :3]
+        T_a_b[:, :3, 3] = np.einsum("mji,mj->mi", R_world_a, apart)
         return T_a_b, C_ab
 
     def _rows(self, robot: str) -> slice:
@@ -106,11 +105,8 @@ class JointEstimate:
         drift = trajectory.relative_covariance(nodes.keyframe[node], index) + 1e-8 * np.eye(6)
         return node + self.first[robot], T_node_keyframe, drift
 
-    def _blended(self, robot: str, index: IntArray) -> FloatArray:
-        return self.places3d[robot][index]
-
     @cached_property
-    def places3d(self) -> dict[str, FloatArray]:
+    def positions(self) -> dict[str, FloatArray]:
         """`(N, 3)` positions of all keyframes of each robot in the shared frame."""
         return {robot: self._positions(robot) for robot in self.nodes}
 
@@ -133,7 +129,7 @@ class JointEstimate:
         turn = np.einsum("nini->n", self.covariance[self._rows(robot), :3, self._rows(robot), :3])
         variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
         return KeyframePlaces(
-            positions=self.places3d[robot][:, : self.dimensions],
+            positions=self.positions[robot][:, : self.dimensions],
             own_covariance=variance[:, None, None] * np.eye(self.dimensions),
             node=before,
             fraction=share,

@@ -89,7 +89,11 @@ def _joint(
         if len(frames) > 1:
             own = {pair: links for pair, links in kept.items() if pair[0] in frames}
             nodes, rows = _nodes({r: trajectories[r] for r in frames}, own, settings)
-            joint = estimate(nodes, frames, own, rows, settings)
+            try:
+                joint = estimate(nodes, frames, own, rows, settings)
+            except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
+                diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
+                continue
             names = list(frames)
             estimates.update({(a, b): joint for i, a in enumerate(names) for b in names[i + 1 :]})
     return SharedTrajectory(estimates, tuple(diagnosis))
