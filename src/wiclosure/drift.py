@@ -26,8 +26,8 @@ class DriftModel(Settings):
     """
 
     translation_walk: float = Field(0.046, gt=0, description="m per square root of a metre travelled, each axis")
-    rotation_walk: float = Field(0.00056, gt=0, description="rad per square root of a metre travelled, each axis")
-    rotation_walk_turning: float = Field(0.0026, ge=0, description="rad per square root of a radian turned, each axis")
+    rotation_walk: float = Field(0.00052, gt=0, description="rad per square root of a metre travelled, each axis")
+    rotation_walk_turning: float = Field(0.0029, ge=0, description="rad per square root of a radian turned, each axis")
     translation_bias: float = Field(0.0, ge=0, description="m per metre travelled: scale and side slip")
     rotation_bias: float = Field(0.0, ge=0, description="rad per metre travelled: a constant turn rate")
 
