@@ -73,26 +73,31 @@ class MatchingSettings(Settings):
 class RegistrationSettings(Settings):
     """How a proposed closure is measured, and when it is believed."""
 
-    method: Literal["gicp", "point-to-point"] = Field("gicp", description="point-to-point: as DiSCo-SLAM")
+    method: Literal["gicp", "point-to-point"] = Field("gicp", description="point-to-point: as DiSCo-SLAM does it")
     voxel_size_m: float | None = Field(
-        None,
-        gt=0,
-        description="m, finest of three (times 4, 2, 1); none: from the extent of the clouds, 0.5 on a street",
+        None, gt=0, description="m, finest of three (x 4, 2, 1); none: from the extent of the clouds, 0.5 on a street"
     )
     yaw_hypotheses: int = Field(
-        6, ge=1, description="starting headings tried where nothing is predicted: scan context's yaw and turns of it"
+        8, ge=1, description="starting headings around the circle, from scan context's on, where nothing is predicted"
     )
     min_inlier_ratio: float = Field(
-        0.5, ge=0, le=1, description="share of the smaller cloud, ground left out, that must lie on the other"
+        0.4,
+        ge=0,
+        le=1,
+        description="share of structure (ground left out) that must match; chance alone gives up to 0.3",
     )
+    min_inlier_ratio_with_prediction: float = Field(
+        0.3, ge=0, le=1, description="the same where the result also agrees with the filter's prediction"
+    )
+    min_inliers: int = Field(100, ge=6, description="matched points of structure; with fewer, a share says little")
     prior_probability: float = Field(
         0.999, gt=0, lt=1, description="a measurement outside this chi-square interval of the prediction contradicts it"
     )
     max_fitness_m2: float = Field(
-        5.0, gt=0, description="m^2, mean squared distance accepted by point-to-point (DiSCo-SLAM: 3 park, 5 KITTI)"
+        5.0, gt=0, description="m^2, mean squared distance that point-to-point accepts (DiSCo-SLAM: 3 park, 5 KITTI)"
     )
     num_threads: int = Field(2, ge=1, description="threads of one registration")
-    cached_clouds: int = Field(64, ge=2, description="preprocessed keyframes kept, about 1 MB each")
+    cached_clouds: int = Field(64, ge=2, description="prepared keyframes kept at hand, some 5 MB each")
 
 
 class FrontEndSettings(Settings):

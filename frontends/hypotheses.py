@@ -1,0 +1,48 @@
+"""Where registration starts from: it finds the best pose near a start, so it needs a start near the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FloatArray
+
+_REACH_VOXELS = 6.0
+_REACH_YAW_RAD = 0.3
+_SPREAD = 1.5
+
+
+def around_scan_context(yaw_rad: float, count: int) -> FloatArray:
+    """`(count, 4, 4)` starts at scan context's yaw and at equal turns of it, without displacement.
+
+    Scan context's yaw is wrong when the scans were taken some metres apart sideways, so it only comes first.
+    """
+    first = yaw_rad if np.isfinite(yaw_rad) else 0.0
+    turns = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+    return se3.from_yaw(first + turns, np.zeros((count, 3)))
+
+
+def around_prediction(
+    T_query_match: FloatArray, covariance: FloatArray, scan_context_yaw_rad: float, voxel_m: float
+) -> FloatArray:
+    """Starts `(S, 4, 4)` at the predicted pose and, where it is vague, around it.
+
+    One step of 1.5 standard deviations to either side along each direction in which the prediction is vaguer than the
+    reach of the coarsest registration: two principal axes of the position, and the yaw.  Scan context's yaw is tried at
+    the predicted position where the prediction leaves room for it.
+    """
+    steps = [np.zeros(6)]
+    variances, axes = np.linalg.eigh(covariance[3:, 3:])
+    for variance, axis in zip(variances[:0:-1], axes.T[:0:-1], strict=True):
+        if variance > (_REACH_VOXELS * voxel_m) ** 2:
+            step = np.concatenate([np.zeros(3), _SPREAD * np.sqrt(variance) * axis])
+            steps += [step, -step]
+    sigma_yaw_rad = float(np.sqrt(covariance[2, 2]))
+    if sigma_yaw_rad > _REACH_YAW_RAD:
+        step = np.array([0.0, 0.0, min(_SPREAD * sigma_yaw_rad, 0.5 * np.pi), 0.0, 0.0, 0.0])
+        steps += [step, -step]
+    turn = scan_context_yaw_rad - float(se3.yaw(T_query_match))
+    turn = float(np.arctan2(np.sin(turn), np.cos(turn)))
+    if np.isfinite(turn) and 0.1 < abs(turn) < 3.0 * sigma_yaw_rad + 0.1:
+        steps.append(np.array([0.0, 0.0, turn, 0.0, 0.0, 0.0]))
+    return np.asarray(T_query_match @ se3.exp(np.array(steps)))

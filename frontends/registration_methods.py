@@ -1,0 +1,214 @@
+"""The ways to measure the relative pose of two clouds, behind one interface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final, Protocol
+
+import numpy as np
+import small_gicp
+
+from wiclosure import se3
+from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.frontends.prepared_cloud import Level, PreparedCloud
+from wiclosure.types import FloatArray
+
+_POINTS_SHARING_AN_ERROR = 30.0
+_FLOOR_VOXELS = 0.1
+_LEAST_INFORMATION = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """One local optimum of a registration.
+
+    Args:
+        T_query_match: `(4, 4)`.
+        covariance: `(6, 6)`, right perturbation, `[rotation, translation]`.
+        inliers: points of structure of either cloud that lie on the other.
+        inlier_ratio: mean over both clouds of the share of structure that lies on the other.
+        rms_m: root mean square of their distances.
+        fitness_m2: mean squared distance of the match's points from the query's.
+    """
+
+    T_query_match: FloatArray
+    covariance: FloatArray
+    inliers: int
+    inlier_ratio: float
+    rms_m: float
+    fitness_m2: float
+
+
+class RegistrationMethod(Protocol):
+    """Measures from several starts and says whether a measurement can be believed."""
+
+    def voxel_sizes_m(self, finest_m: float) -> tuple[float, ...]:
+        """Resolutions at which clouds are needed, coarse to fine."""
+        ...
+
+    def measure(
+        self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
+    ) -> list[Measurement]:
+        """At least one optimum reached from the starts `(S, 4, 4)`."""
+        ...
+
+    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
+        """Why the measurement is not believed; empty if it is.  `predicted`: it agrees with a prediction."""
+        ...
+
+
+class CoarseToFineGicp:
+    """Generalized ICP (Segal et al., RSS 2009) at three resolutions.
+
+    Voxels of 4, 2 and 1 times the finest, correspondences up to 30, 12 and 4 times: 2, 1, 0.5 m and 15, 6, 2 m on a
+    street.  A single fine pass fails for scans only 4-6 m apart, as the rings of the ground hold it back.  All starts
+    run at the coarse level, which is cheap; the best few distinct ones go on.
+    """
+
+    _VOXELS = (4.0, 2.0, 1.0)
+    _CORRESPONDENCES = (30.0, 12.0, 4.0)
+    _ITERATIONS = 30
+    _REFINED = 2
+
+    def voxel_sizes_m(self, finest_m: float) -> tuple[float, ...]:
+        """Three resolutions."""
+        return tuple(factor * finest_m for factor in self._VOXELS)
+
+    def measure(
+        self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
+    ) -> list[Measurement]:
+        """The best distinct optima, each refined to the finest level."""
+        coarse = [self._align(0, query, match, start, settings).T_target_source for start in starts]
+        measured = []
+        for T_query_match in self._best_distinct(query.levels[0], match.levels[0], coarse, query.voxel_m):
+            middle = self._align(1, query, match, T_query_match, settings).T_target_source
+            fine = self._align(2, query, match, middle, settings)
+            measured.append(evaluate(query, match, fine.T_target_source, _covariance(fine, query)))
+        return measured
+
+    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
+        """Too few matching points of structure, or too small a share of it."""
+        needed = settings.min_inlier_ratio_with_prediction if predicted else settings.min_inlier_ratio
+        if measurement.inliers < settings.min_inliers:
+            return f"only {measurement.inliers} points of structure match, {settings.min_inliers} needed"
+        if measurement.inlier_ratio < needed:
+            return f"only {measurement.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
+        return ""
+
+    def _align(
+        self,
+        level: int,
+        query: PreparedCloud,
+        match: PreparedCloud,
+        start: FloatArray,
+        settings: RegistrationSettings,
+    ) -> Any:
+        return small_gicp.align(
+            query.levels[level].cloud,
+            match.levels[level].cloud,
+            query.levels[level].tree,
+            start,
+            max_correspondence_distance=self._CORRESPONDENCES[level] * query.voxel_m,
+            num_threads=settings.num_threads,
+            max_iterations=self._ITERATIONS,
+        )
+
+    def _best_distinct(self, query: Level, match: Level, poses: list[FloatArray], voxel_m: float) -> list[FloatArray]:
+        """The best few poses at the coarse level, one of each group of alike ones."""
+        limit_m = self._VOXELS[0] * 2 * voxel_m
+        scores = []
+        for pose in poses:
+            distance = query.distances(se3.transform(pose, match.points))
+            # Each point counts by how near it lies, and not at all beyond the limit: far ones do not outvote near ones.
+            scores.append(np.maximum(0.0, 1.0 - np.square(distance / limit_m)).mean())
+        chosen: list[FloatArray] = []
+        for index in np.argsort(scores)[::-1]:
+            step = [se3.between(pose, poses[index]) for pose in chosen]
+            if not any(np.linalg.norm(s[:3, 3]) < limit_m / 2 and se3.rotation_angle(s) < 0.15 for s in step):
+                chosen.append(poses[index])
+        return chosen[: self._REFINED]
+
+
+class PointToPointIcp:
+    """DiSCo-SLAM's verification: one point-to-point ICP from one start, believed if the mean squared distance is small.
+
+    Voxels of 0.4 m, correspondences up to 100 m, 100 iterations; the variance of every axis is the fitness.
+    """
+
+    _VOXEL_M = 0.4
+    _CORRESPONDENCE_M = 100.0
+    _ITERATIONS = 100
+
+    def voxel_sizes_m(self, finest_m: float) -> tuple[float, ...]:
+        """DiSCo-SLAM's one resolution, whatever the surroundings."""
+        return (self._VOXEL_M,)
+
+    def measure(
+        self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
+    ) -> list[Measurement]:
+        """The optimum reached from the first start."""
+        found = small_gicp.align(
+            query.levels[0].cloud,
+            match.levels[0].cloud,
+            query.levels[0].tree,
+            starts[0],
+            registration_type="ICP",
+            max_correspondence_distance=self._CORRESPONDENCE_M,
+            num_threads=settings.num_threads,
+            max_iterations=self._ITERATIONS,
+        )
+        measured = evaluate(query, match, found.T_target_source, np.eye(6))
+        return [replace(measured, covariance=np.eye(6) * max(measured.fitness_m2, 1e-6))]
+
+    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
+        """Mean squared distance too large."""
+        if measurement.fitness_m2 > settings.max_fitness_m2:
+            return (
+                f"mean squared distance {measurement.fitness_m2:.1f} m^2, at most {settings.max_fitness_m2:g} allowed"
+            )
+        return ""
+
+
+METHODS: Final = MappingProxyType[str, RegistrationMethod](
+    {"gicp": CoarseToFineGicp(), "point-to-point": PointToPointIcp()}
+)
+
+
+def evaluate(
+    query: PreparedCloud, match: PreparedCloud, T_query_match: FloatArray, covariance: FloatArray
+) -> Measurement:
+    """How well two clouds agree under a pose: points of structure count as matched within one voxel."""
+    T_match_query = se3.inverse(T_query_match)
+    gaps = (
+        query.levels[-1].distances(se3.transform(T_query_match, match.structure)),
+        match.levels[-1].distances(se3.transform(T_match_query, query.structure)),
+    )
+    matched = [gap[gap < query.voxel_m] for gap in gaps]
+    near = np.concatenate(matched)
+    shares = [len(some) / len(all_) for some, all_ in zip(matched, gaps, strict=True) if len(all_)]
+    whole = query.levels[-1].distances(se3.transform(T_query_match, match.levels[-1].points))
+    return Measurement(
+        T_query_match=T_query_match,
+        covariance=covariance,
+        inliers=len(near),
+        inlier_ratio=float(np.mean(shares)) if shares else 0.0,
+        rms_m=float(np.sqrt(np.square(near).mean())) if len(near) else float("nan"),
+        fitness_m2=float(np.square(whole).mean()),
+    )
+
+
+def _covariance(result: Any, query: PreparedCloud) -> FloatArray:
+    """Covariance `(6, 6)` of a GICP result.
+
+    small_gicp's Hessian is of `T @ exp([rotation, translation])`, our convention (checked by finite differences in the
+    tests).  Its inverse takes every point's error as independent and of the modelled size; both are optimistic.  It is
+    scaled by the residual variance actually found, and by how many neighbouring points share one error, and a floor is
+    added for what all points share: deskewing, calibration, discretisation.
+    """
+    residual_variance = max(1.0, 2.0 * result.error / max(result.num_inliers, 1))
+    spread_m = max(1.0, float(np.sqrt(np.square(query.levels[-1].points).sum(axis=1).mean())))
+    shared_m = _FLOOR_VOXELS * query.voxel_m
+    floor = np.diag(np.square(np.repeat([shared_m / spread_m, shared_m], 3)))
+    information = result.H + _LEAST_INFORMATION * np.eye(6)
+    return np.asarray(_POINTS_SHARING_AN_ERROR * residual_variance * np.linalg.inv(information) + floor)
