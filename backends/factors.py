@@ -17,6 +17,8 @@ from wiclosure.types import FloatArray, Trajectory
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
 LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
 STEP_FLOOR = np.diag(np.repeat([0.0005**2, 0.005**2], 3))  # one scan match on the spot: 0.03 degrees, 5 mm
+GNC_FACTOR = 1.4  # growth of mu a step, as in the paper
+GNC_STEPS = 100  # mu grows by 4e14 in these: residuals of any size
 CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
 
 
@@ -135,25 +137,59 @@ def believed(
         kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH)
         robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in doubtful]
         estimate = solve(with_factors(certain, robust), initial)
-        chi_square = np.array([2 * factor.error(estimate) for factor in doubtful])
-        return chi_square < chi2.ppf(settings.probability, 6), estimate
+        return _chi_squares(doubtful, estimate) < chi2.ppf(settings.probability, 6), estimate
     return np.ones(len(doubtful), bool), solve(with_factors(certain, doubtful), initial)
 
 
 def _by_graduated_non_convexity(
     certain: gtsam.NonlinearFactorGraph,
-    doubtful: Sequence[gtsam.NonlinearFactor],
+    doubtful: Sequence[gtsam.NoiseModelFactor],
     initial: gtsam.Values,
     probability: float,
 ) -> tuple[NDArray[np.bool_], gtsam.Values]:
-    """Yang et al., "Graduated non-convexity for robust spatial perception", RA-L 2020, truncated least squares."""
-    parameters = gtsam.GncLMParams(_marquardt())
-    parameters.setLossType(gtsam.GncLossType.TLS)
-    parameters.setKnownInliers(list(range(certain.size())))
-    optimiser = gtsam.GncLMOptimizer(with_factors(certain, doubtful), initial, parameters)
-    optimiser.setInlierCostThresholdsAtProbability(probability)
-    estimate = optimiser.optimize()
-    return np.asarray(optimiser.getWeights()[certain.size() :] > 0.5), estimate
+    """Yang et al., "Graduated non-convexity for robust spatial perception", RA-L 2020, truncated least squares.
+
+    Each step goes on from the one before.  `gtsam.GncLMOptimizer` starts every step again from the initial values; on
+    recorded odometry with one false closure in seven it ended with every closure switched off.
+    """
+    limit = float(chi2.ppf(probability, 6))
+    estimate = solve(with_factors(certain, doubtful), initial)
+    chi_square = _chi_squares(doubtful, estimate)
+    mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
+    for _ in range(GNC_STEPS):
+        weights = _truncated_weights(chi_square, limit, mu)
+        if np.isin(weights, (0.0, 1.0)).all():
+            break
+        estimate = solve(with_factors(certain, _weighted(doubtful, weights)), estimate)
+        chi_square = _chi_squares(doubtful, estimate)
+        mu *= GNC_FACTOR
+    return weights > 0.5, estimate
+
+
+def _truncated_weights(chi_square: FloatArray, limit: float, mu: float) -> FloatArray:
+    """Weights `(N,)` of the surrogate cost (eq. 14 of Yang et al.): 1 inside, 0 outside, falling between."""
+    inside, outside = limit * mu / (mu + 1), limit * (mu + 1) / mu
+    between = np.sqrt(limit * mu * (mu + 1) / np.clip(chi_square, inside, outside)) - mu
+    return np.where(chi_square <= inside, 1.0, np.where(chi_square >= outside, 0.0, between))
+
+
+def _weighted(factors: Sequence[gtsam.NoiseModelFactor], weights: FloatArray) -> list[gtsam.NonlinearFactor]:
+    """The factors with their information scaled; those of no weight are left out."""
+    return [
+        factor if weight == 1 else factor.cloneWithNewNoiseModel(_noise(_covariance(factor) / weight))
+        for factor, weight in zip(factors, weights, strict=True)
+        if weight > 0
+    ]
+
+
+def _covariance(factor: gtsam.NoiseModelFactor) -> FloatArray:
+    noise = factor.noiseModel()
+    assert isinstance(noise, gtsam.noiseModel.Gaussian)  # all factors are made here
+    return np.asarray(noise.covariance())
+
+
+def _chi_squares(factors: Sequence[gtsam.NonlinearFactor], estimate: gtsam.Values) -> FloatArray:
+    return np.array([2 * factor.error(estimate) for factor in factors])
 
 
 def _marquardt() -> gtsam.LevenbergMarquardtParams:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, Trajectory
 
 CANDIDATES = 300  # closures tried as the frame transform; more would not find a better one
 
@@ -47,17 +47,26 @@ def frame_estimates(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> Fl
 
 
 def frame_transform(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
-    """The one of the closures' frame estimates `(4, 4)` that fits the others best: least median of squares.
+    """The one of the closures' frame estimates `(4, 4)` that most others agree with.
 
-    A median stands up to nearly half of the closures being false, which an average does not.
+    Each closure says where b's keyframe is in a's frame; an estimate pays for its distance to these places, but no more
+    than odometry can have drifted: what is further off is false and tells nothing.  So it stands up to any share of
+    false closures that do not agree among themselves, which a mean or a median does not.
     """
     estimates = frame_estimates(z, trajectories)
     place_b = trajectories[z.robot_b].positions[z.index_b]
     place_a = (trajectories[z.robot_a].poses[z.index_a] @ z.T_a_b)[:, :3, 3]
     tried = estimates[np.linspace(0, len(z) - 1, min(len(z), CANDIDATES)).round().astype(int)]
     predicted_a = np.einsum("cij,nj->cni", tried[:, :3, :3], place_b) + tried[:, None, :3, 3]
-    misfit = np.median(np.sum((predicted_a - place_a) ** 2, axis=2), axis=1)
-    return np.asarray(tried[np.argmin(misfit)])
+    apart = np.linalg.norm(predicted_a - place_a, axis=2)
+    reach = 1.0 + _drift_m(trajectories[z.robot_a], z.index_a) + _drift_m(trajectories[z.robot_b], z.index_b)
+    return np.asarray(tried[np.argmin(np.minimum(apart, reach).sum(axis=1))])
+
+
+def _drift_m(trajectory: Trajectory, indices: IntArray) -> float:
+    """How far, m (one sigma), odometry may drift between the first and the last of the keyframes."""
+    covariance = trajectory.relative_covariance(np.array([indices.min()]), np.array([indices.max()]))
+    return float(np.sqrt(np.trace(covariance[0, 3:, 3:])))
 
 
 def _links(robots: Sequence[str], sets: Sequence[ClosureSet]) -> nx.Graph[str]:

@@ -87,6 +87,17 @@ def test_false_closures_are_switched_off_with_a_reason(team_maker, robust):
     assert np.linalg.norm(error, axis=1).max() < 1.0
 
 
+@pytest.mark.parametrize("robust", ["gnc", "cauchy"])
+def test_most_closures_may_be_false(team_maker, robust):
+    team, rng = team_maker(10, n=300, noise=1.0), np.random.default_rng(10)
+    true = random_closures(team, 20, rng, noise=rng)
+    false = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in rng.integers(0, 300, (40, 2))]
+    result = optimise(team.odometry, false + true, PoseGraphSettings(robust=robust))
+    decisions = [c.decision is Decision.ACCEPTED for c in result.closures]
+    assert not any(decisions[:40])
+    assert sum(decisions[40:]) >= 18
+
+
 def test_closures_within_one_robot_correct_its_drift(team_maker):
     team, rng = team_maker(3, ("alpha",), 200, noise=3.0), np.random.default_rng(3)
     ends = [(i, 199 - i) for i in range(0, 90, 10)]
