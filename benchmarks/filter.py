@@ -51,11 +51,13 @@ def score(result: FilterResult, team: Team) -> Score:
     inside, squared = [], []
     for pairs in result.pairs:
         if pairs.predictor is None:
-            continue
+            continue  # nothing joins these robots
         a, b = team.truth[pairs.robot_a], team.truth[pairs.robot_b]
         near = np.linalg.norm(a.positions[:, None] - b.positions[None], axis=2) <= TRUE_M
         true, kept = true + int(near.sum()), kept + len(pairs)
         both += int(near[pairs.index_a, pairs.index_b].sum())
+        if len(pairs) == 0:
+            continue
         error, covariance = horizontal_errors(pairs, a, b)
         inside.append(np.abs(error) < 1.645 * np.sqrt(np.einsum("mii->mi", covariance)))
         squared.append(np.einsum("mi,mij,mj->m", error, np.linalg.inv(covariance), error) / 2)
@@ -160,11 +162,10 @@ def on_long_roads(settings: FilterSettings) -> None:
         joined = perf_counter()
         kept = sum(len(find_overlap(model, make_gate(settings.gate)).index_a) for model in models)
         searched = perf_counter()
-        print(
-            f"  {size:7d} keyframes each, {len(wireless.measurements)} measurements: alignment {aligned - start:.2f} s,"
-            f" shared trajectory {joined - aligned:.2f} s, search and gate {searched - joined:.2f} s, {kept} pairs kept,"
-            f" {[a.reason for a in alignments]}, peak {peak_rss_mb():.0f} MB"
-        )
+        print(f"  {size:7d} keyframes each, {len(wireless.measurements)} measurements:", end=" ")
+        print(f"alignment {aligned - start:.2f} s, shared trajectory {joined - aligned:.2f} s,", end=" ")
+        print(f"search and gate {searched - joined:.2f} s, {kept} pairs kept, peak {peak_rss_mb():.0f} MB;", end=" ")
+        print("; ".join(alignment.reason for alignment in alignments))
 
 
 def main() -> None:

@@ -17,12 +17,12 @@ from functools import cached_property
 
 import gtsam
 import numpy as np
-from scipy.linalg import lapack
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.pair_model import KeyframePlaces, PairModel
 from wiclosure.wiclosure_filter.radio_factors import KeptLinks
 
@@ -40,23 +40,19 @@ class JointEstimate:
         nodes: graph nodes of each robot.
         first: index of each robot's first node among all nodes.
         T_world_node: `(K, 4, 4)` of all nodes.
-        covariance: `(K, 6, K, 6)` of all nodes jointly, rotation first, both in the axes of the world frame.
+        covariance: of all nodes jointly, in the axes of the shared frame.
         dimensions: 2 where displacements are horizontal, 3 in space.
     """
 
     nodes: Mapping[str, GraphNodes]
     first: Mapping[str, int]
     T_world_node: FloatArray
-    covariance: FloatArray
+    covariance: JointCovariance
     dimensions: int
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots."""
-        a, b = self._rows(robot_a), self._rows(robot_b)
-        d = slice(3, 3 + self.dimensions)
-        own_a, own_b = (np.einsum("ninj->nij", self.covariance[r, d, r, d]) for r in (a, b))
-        cross = np.swapaxes(self.covariance[a, d, b, d], 1, 2)
-        table = own_a[:, None] + own_b[None, :] - cross - np.swapaxes(cross, 2, 3)
+        table = self.covariance.of_displacements(self._rows(robot_a), self._rows(robot_b), self.dimensions)
         return (PairModel(self.places[robot_a], self.places[robot_b], table),)
 
     @cached_property
@@ -88,9 +84,9 @@ class JointEstimate:
         """`T_n_m` and its covariance, exact to first order."""
         T_n_m = se3.between(self.T_world_node[n], self.T_world_node[m])
         to_n, to_m = (_turned(np.swapaxes(self.T_world_node[i, :3, :3], 1, 2)) for i in (n, m))
-        C_nn = to_n @ self.covariance[n, :, n] @ np.swapaxes(to_n, 1, 2)
-        C_mm = to_m @ self.covariance[m, :, m] @ np.swapaxes(to_m, 1, 2)
-        C_mn = to_m @ self.covariance[m, :, n] @ np.swapaxes(to_n, 1, 2)
+        C_nn = to_n @ self.covariance.own[n] @ np.swapaxes(to_n, 1, 2)
+        C_mm = to_m @ self.covariance.own[m] @ np.swapaxes(to_m, 1, 2)
+        C_mn = to_m @ self.covariance.between(m, n) @ np.swapaxes(to_n, 1, 2)
         Ad = se3.adjoint(se3.inverse(T_n_m))
         mixed = C_mn @ np.swapaxes(Ad, 1, 2)
         return T_n_m, C_mm + se3.rotate_covariance(Ad, C_nn) - mixed - np.swapaxes(mixed, 1, 2)
@@ -126,7 +122,7 @@ class JointEstimate:
         after = np.minimum(before + 1, len(nodes) - 1)
         chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
         off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
-        turn = np.einsum("nini->n", self.covariance[self._rows(robot), :3, self._rows(robot), :3])
+        turn = np.einsum("nii->n", self.covariance.own[self._rows(robot), :3, :3])
         variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
         return KeyframePlaces(
             positions=self.positions[robot][:, : self.dimensions],
@@ -165,9 +161,12 @@ def estimate(
     values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
     size = len(initial.keys())
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(size)])
-    covariance = _joint_covariance(graph.linearize(values), size)
+    linked = np.zeros(size, bool)
+    for (a, b), (at_a, at_b) in rows.items():
+        linked[first[a] + at_a] = linked[first[b] + at_b] = True
+    covariance = JointCovariance.of(graph.linearize(values), linked).turned(T_world_node[:, :3, :3])
     dimensions = 2 if settings.alignment.gravity_aligned else 3
-    return JointEstimate(nodes, first, T_world_node, _in_world_axes(covariance, T_world_node), dimensions)
+    return JointEstimate(nodes, first, T_world_node, covariance, dimensions)
 
 
 def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str, FloatArray]:
@@ -246,31 +245,6 @@ def _bearing(
     noise[:2, :2] = unit.basis().T @ covariance @ unit.basis()
     robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Gaussian.Covariance(noise))
     return gtsam.BearingRangeFactorPose3(receiver, transmitter, unit, 0.0, robust)
-
-
-def _joint_covariance(linear: gtsam.GaussianFactorGraph, size: int) -> FloatArray:
-    """`(6 K, 6 K)` covariance of all nodes, in their own axes."""
-    ordering = gtsam.Ordering()
-    for key in range(size):
-        ordering.push_back(key)
-    information, _ = linear.hessian(ordering)
-    factor, failed = lapack.dpotrf(np.asfortranarray(information), lower=True, clean=True)
-    if failed:
-        raise np.linalg.LinAlgError(f"the joint estimate is not determined (pivot {failed})")
-    covariance, _ = lapack.dpotri(factor, lower=True, overwrite_c=True)
-    diagonal = np.diag(covariance).copy()
-    covariance = covariance + covariance.T  # the upper half is zero
-    np.fill_diagonal(covariance, diagonal)
-    return np.asarray(covariance)
-
-
-def _in_world_axes(covariance: FloatArray, T_world_node: FloatArray) -> FloatArray:
-    """From each node's axes to the world's: `(K, 6, K, 6)`."""
-    size = len(T_world_node)
-    turn = _turned(T_world_node[:, :3, :3])
-    half = np.matmul(turn, covariance.reshape(size, 6, 6 * size)).reshape(6 * size, size, 6)
-    whole = np.matmul(half.transpose(1, 0, 2), np.swapaxes(turn, 1, 2))
-    return np.asarray(whole.transpose(1, 0, 2).reshape(size, 6, size, 6))
 
 
 def _turned(R: FloatArray) -> FloatArray:
