@@ -165,7 +165,9 @@ def split(
     out: Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")],
     sequence: Annotated[str | None, typer.Option("--sequence", help="for example 08", show_default=False)] = None,
     robots: Annotated[int, typer.Option("--robots", min=2, help="how many robots")] = 3,
-    overlap: Annotated[float, typer.Option("--overlap", min=0, help="metres that neighbouring parts share")] = 0.0,
+    overlap: Annotated[
+        float, typer.Option("--overlap", min=0, max=0.99, help="share of each part that the next robot drives as well")
+    ] = 0.0,
     radio: Annotated[bool, typer.Option(help="simulate a wireless log from the poses")] = True,
     seed: Annotated[int, typer.Option("--seed", help="seed of the simulated radio")] = 0,
     overwrite: Overwrite = False,
@@ -177,23 +179,19 @@ def split(
     from wiclosure.pipeline import commands
 
     commands.split(
-        kitti, sequence=sequence, robots=robots, out=out, overlap_m=overlap, radio=radio, seed=seed, overwrite=overwrite
+        kitti, sequence=sequence, robots=robots, out=out, overlap=overlap, radio=radio, seed=seed, overwrite=overwrite
     )
 
 
 @app.command("eval")
 def evaluate(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
-    data: Annotated[
-        list[str] | None,
-        typer.Option("--data", help="data set with ground truth, where it has moved", show_default=False),
-    ] = None,
     as_json: Json = False,
 ) -> None:
     """Compare a finished run with ground truth again: joint ATE, ATE a robot, RPE, inter-robot transforms."""
     from wiclosure.pipeline import commands
 
-    commands.evaluate(folder, data=data, as_json=as_json)
+    commands.evaluate(folder, as_json=as_json)
 
 
 @app.command()
@@ -244,7 +242,7 @@ def main() -> None:
     except typer.Exit as exit_:
         sys.exit(exit_.exit_code)
     except usage_error as error:
-        _fail(f"{cast(typer.BadParameter, error).format_message()} (see wiclosure --help)")
+        _fail(f"{cast('typer.BadParameter', error).format_message()} (see wiclosure --help)")
     except WiclosureError as error:
         _fail(str(error))
     except (KeyboardInterrupt, typer.Abort):

@@ -194,7 +194,7 @@ def _yaml_lines(model: BaseModel, indent: str, *, comments: bool) -> list[str]:
             lines.extend(_yaml_lines(value, indent + "  ", comments=comments))
             continue
         plain = model.model_dump(mode="json", include={name})[name]
-        text = yaml.safe_dump({name: plain}, default_flow_style=None, sort_keys=False, width=10_000).rstrip()
-        note = f"  # {field.description}" if comments and field.description and "\n" not in text else ""
-        lines.extend(f"{indent}{line}" for line in (text + note).splitlines())
+        text = yaml.safe_dump(plain, default_flow_style=True, width=10_000).removesuffix("...\n").rstrip()
+        note = f"  # {field.description}" if comments and field.description else ""
+        lines.append(f"{indent}{name}: {text}{note}")
     return lines

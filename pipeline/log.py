@@ -37,3 +37,17 @@ def json_log(path: Path) -> Iterator[None]:
         logger.removeHandler(handler)
         logger.setLevel(level)
         handler.close()
+
+
+@contextmanager
+def warnings_on_terminal() -> Iterator[None]:
+    """Shows warnings of the package as one line each on standard error."""
+    logger = logging.getLogger("wiclosure")
+    handler = logging.StreamHandler()
+    handler.setLevel(logging.WARNING)
+    handler.setFormatter(logging.Formatter("wiclosure: warning: %(message)s"))
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)

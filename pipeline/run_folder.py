@@ -51,7 +51,7 @@ def read_metrics(folder: Path) -> Metrics:
         raise InputError(f"{path} cannot be read ({error.strerror}); give a folder that wiclosure run wrote") from error
     except ValueError as error:
         raise InputError(f"{path} is not valid JSON ({error}); give a folder that wiclosure run wrote") from error
-    if not isinstance(metrics, dict) or "components" not in metrics:
+    if "components" not in metrics:
         raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
     return metrics
 

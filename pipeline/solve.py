@@ -146,7 +146,7 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
     described = {(p.robot_a, p.robot_b): np.unique(p.index_b) for p in filtered.pairs}
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
     sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures}
-    return descriptors + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
+    return int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
 
 
 def _nothing_left(
