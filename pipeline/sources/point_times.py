@@ -43,7 +43,7 @@ class PointClock:
             stamp_ns: the header's stamp.
             raw: `(N,)` finite numbers of any type, as recorded.
         """
-        values = raw.astype(np.float64 if raw.dtype.kind == "f" else np.int64)
+        values = raw.astype(np.float64 if raw.dtype.kind == "f" else np.int64, copy=False)
         if len(values) == 0:
             return None
         first, last = values.min(), values.max()
@@ -87,7 +87,7 @@ def _relative(values: NDArray[Any], stamp_ns: int, first: Any, last: Any, ns_per
     if min(beyond_zero, beyond_stamp) > LONGEST_SWEEP_S:
         return np.asarray((values - first) * unit_s)
     if beyond_zero <= beyond_stamp:
-        return np.asarray(values * unit_s)
+        return values if values.dtype.kind == "f" and ns_per_unit == _NS_PER_UNIT[0] else np.asarray(values * unit_s)
     if values.dtype.kind == "i":
         return np.asarray((values - stamp) * unit_s - (stamp_ns - stamp * ns_per_unit) * 1e-9)
     return np.asarray((values - stamp) * unit_s)

@@ -2,7 +2,7 @@
 
 The message's bytes are viewed in place as records.  Points that are no returns (NaN, infinite, at the origin) are found
 on that view, the remaining records are taken whole, and only then are the fields copied out: a point and its time and
-intensity stay together by construction.
+intensity stay together by construction.  This goes block by block, so that a block's bytes are read from memory once.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ INTENSITY_FIELDS = ("intensity", "i", "reflectivity")
 FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
 }  # fmt: skip
+
+_BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
 
@@ -90,14 +92,8 @@ class PointCloud2Decoder:
             InputError: the fields x, y, z are missing or do not fit, or the data is shorter than announced.
         """
         stamp_ns = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec or received_ns
-        records = _records(cloud, self._layout(cloud))
-        returns = are_returns(records["x"], records["y"], records["z"])
-        records = _compact(records, returns)
-        points = np.empty((len(records), 3))
-        for column, name in enumerate("xyz"):
-            points[:, column] = records[name]
-        intensity = _column(records, "intensity")
-        return timed_scan(self._clock, stamp_ns, points, _column(records, "time"), intensity)
+        columns = _returns(_records(cloud, self._layout(cloud)))
+        return timed_scan(self._clock, stamp_ns, *columns)
 
     def _layout(self, cloud: PointCloud2Message) -> np.dtype[np.void]:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
@@ -110,7 +106,8 @@ class PointCloud2Decoder:
 def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np.bool_]:
     """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return."""
     with np.errstate(over="ignore", invalid="ignore"):
-        size = np.abs(x) + np.abs(y) + np.abs(z)
+        size = np.add(np.abs(x), np.abs(y))
+        size = np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None)
     return np.asarray((size != 0) & (size < np.inf))  # the latter is false for NaN
 
 
@@ -122,15 +119,12 @@ def timed_scan(
     intensity: NDArray[Any] | None = None,
 ) -> Scan:
     """A scan of returns `(N, 3)` with their recorded times; points whose time is not a number are dropped."""
-    if raw_times is not None and raw_times.dtype.kind == "f":
+    if raw_times is not None and len(raw_times) and not np.isfinite(raw_times.min() + raw_times.max()):
         timed = np.isfinite(raw_times)
-        if not timed.any():
-            raw_times = None
-        elif not timed.all():
-            points, raw_times = points[timed], raw_times[timed]
-            intensity = None if intensity is None else intensity[timed]
+        points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
+        intensity = None if intensity is None or raw_times is None else intensity[timed]
     times = None if raw_times is None else clock.seconds_after(stamp_ns, raw_times)
-    intensity32: Float32Array | None = None if intensity is None else intensity.astype(np.float32)
+    intensity32: Float32Array | None = None if intensity is None else intensity.astype(np.float32, copy=False)
     return Scan(stamp_ns, points, times, intensity32)
 
 
@@ -168,7 +162,7 @@ def _format(name: str, datatype: int, count: int) -> str:
 
 
 def _records(cloud: PointCloud2Message, layout: np.dtype[np.void]) -> Records:
-    """The message's bytes as records, `(N,)` or `(height, width)` where rows are padded; nothing is copied."""
+    """The message's bytes as records `(N,)`; copied only where rows are padded."""
     height, width, step = cloud.height, cloud.width, cloud.point_step
     packed = width * step
     row_step = cloud.row_step if height > 1 and cloud.row_step >= packed else packed  # many drivers leave it wrong
@@ -180,21 +174,42 @@ def _records(cloud: PointCloud2Message, layout: np.dtype[np.void]) -> Records:
         )
     if needed == 0:
         return np.zeros(0, layout)
+    data = np.ascontiguousarray(cloud.data).data
     if row_step == packed:
-        return np.ndarray((height * width,), layout, np.ascontiguousarray(cloud.data).data)
-    return np.ndarray((height, width), layout, np.ascontiguousarray(cloud.data).data, strides=(row_step, step))
+        return np.ndarray((height * width,), layout, data)
+    rows = np.ndarray((height, packed), np.uint8, data, strides=(row_step, 1))
+    return np.ascontiguousarray(rows).reshape(-1).view(layout)
 
 
-def _compact(records: Records, returns: NDArray[np.bool_]) -> Records:
-    """The records `(M,)` of the returns."""
-    if records.ndim == 1 and returns.all():
+def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32Array | None]:
+    """Points `(M, 3)`, times and intensity `(M,)` of the returns among the records."""
+    names, count = records.dtype.names or (), len(records)
+    points = np.empty((count, 3))
+    times = np.empty(count, _wide(records.dtype["time"])) if "time" in names else None
+    intensity = np.empty(count, np.float32) if "intensity" in names else None
+    end = 0
+    for start in range(0, count, _BLOCK):
+        block = _kept(records[start : start + _BLOCK])
+        here = slice(end, end + len(block))
+        for column, name in enumerate("xyz"):
+            points[here, column] = block[name]
+        if times is not None:
+            times[here] = block["time"]
+        if intensity is not None:
+            intensity[here] = block["intensity"]
+        end = here.stop
+    return points[:end], None if times is None else times[:end], None if intensity is None else intensity[:end]
+
+
+def _kept(records: Records) -> Records:
+    """The records that are returns."""
+    returns = are_returns(records["x"], records["y"], records["z"])
+    if returns.all():
         return records
     # As plain bytes: NumPy moves a record of unnamed bytes at once, but a structured one field by field.
     plain = records.view(np.dtype((np.void, records.dtype.itemsize)))
-    kept = plain.take(np.flatnonzero(returns)) if records.ndim == 1 else plain[returns]
-    return kept.view(records.dtype)
+    return plain.take(np.flatnonzero(returns)).view(records.dtype)
 
 
-def _column(records: Records, name: str) -> NDArray[Any] | None:
-    names = records.dtype.names or ()
-    return records[name] if name in names else None
+def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:
+    return np.float64 if dtype.kind == "f" else np.int64
