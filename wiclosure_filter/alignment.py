@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -19,9 +19,19 @@ from wiclosure.wiclosure_filter.ambiguity import judge
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.links import Links, links_between
 from wiclosure.wiclosure_filter.observations import Observations
+from wiclosure.wiclosure_filter.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.refinement import explained
 
+_Method = Callable[
+    [Observations, str, IntArray, tuple[Trajectory, Trajectory], AlignmentSettings], AnchoredPeaks | None
+]
 _LEVEL_SIGMA_RAD = 0.01  # gravity-aligned frames agree on the vertical, nearly
+
+_METHODS: Mapping[str, _Method] = {"consensus": consensus, "pcm": pairwise_consistency}
+_NOTHING_FOUND = {
+    "consensus": "no two measurements allow an alignment ({knowledge})",
+    "pcm": "pairwise consistency needs ranges, bearings and relative headings ({knowledge}); use multipath: consensus",
+}
 
 
 def align(
@@ -47,9 +57,10 @@ def align(
     partner = reciprocal_partners(links, settings.reciprocal_tolerance_s)
     knowledge = heading_knowledge(links, partner, settings)
     both = (trajectories[robot_a], trajectories[robot_b])
-    found = consensus(observations, knowledge, partner, both, settings)
+    reject_multipath = _METHODS[settings.multipath]
+    found = reject_multipath(observations, knowledge, partner, both, settings)
     if found is None:
-        return _unknown(links, "the measurements do not allow any alignment", knowledge)
+        return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
     verdict = judge(found.peaks, found.mixture, found.prior, settings)
     return FrameAlignment(
         robot_a=robot_a,
@@ -90,23 +101,19 @@ def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
 
 def _hypothesis(found: AnchoredPeaks, row: int, links: Links) -> AlignmentHypothesis:
     state = found.peaks.states[row]
+    explanation = explained(state, found.mixture)
+    each = np.arange(len(links))
+    direct, ranged = explanation.direct(), explanation.ranged()
+    if found.chosen is not None:  # the method decides for itself
+        direct = found.chosen[row]
+        ranged = direct >= 0
+    kept = (direct >= 0) | (ranged & links.has_range)
+    path = np.where(direct >= 0, links.path[each, direct], -1)
     return AlignmentHypothesis(
         T_a_b=found.mixture.observations.frame_transform(state),
-        log_likelihood=float(found.mixture.log_likelihood(state[None])[0]),
-        paths_kept=_paths_kept(found, state, links),
+        log_likelihood=float(explanation.log_likelihood[0] @ found.mixture.observations.independence),
+        paths_kept=tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], path[kept], strict=True)),
     )
-
-
-def _paths_kept(found: AnchoredPeaks, state: FloatArray, links: Links) -> tuple[tuple[int, int], ...]:
-    """The path of each measurement that more likely than not is the direct one; -1 for a range without direction."""
-    explanation = explained(state, found.mixture)
-    path = explanation.path[0]
-    best = np.argmax(path, axis=1)
-    direct = path[np.arange(len(links)), best] > 0.5
-    ranged = links.has_range & (explanation.in_sight[0] + explanation.obstructed[0] > 0.5)
-    chosen = np.where(direct, links.path[np.arange(len(links)), best], -1)
-    kept = direct | ranged
-    return tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], chosen[kept], strict=True))
 
 
 def tangent_covariance(state: FloatArray, covariance: FloatArray, observations: Observations) -> FloatArray:

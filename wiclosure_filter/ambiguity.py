@@ -143,7 +143,7 @@ def _chance(value: float, covariance: FloatArray, distance: float, prior: Prior,
 
 
 def _support(explanation: Explanation, mixture: Mixture) -> str:
-    direct = int((explanation.path[0].max(axis=-1) > 0.5).sum())
-    ranged = int((explanation.in_sight[0] + explanation.obstructed[0] > 0.5).sum())
+    direct = int((explanation.direct() >= 0).sum())
+    ranged = int(explanation.ranged().sum())
     total = len(mixture.observations)
     return f"{direct} bearings and {ranged} ranges of {total} measurements agree"

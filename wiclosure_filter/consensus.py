@@ -29,11 +29,19 @@ _APART_M = 1.0  # proposals nearer than this climb to the same peak
 
 @dataclass(frozen=True, eq=False)
 class AnchoredPeaks:
-    """Peaks of the posterior, best first, with the prior and the drift that they were found under."""
+    """Peaks of the posterior, best first, with the prior and the drift that they were found under.
+
+    Args:
+        peaks: N peaks.
+        mixture: likelihood of the measurements.
+        prior: what was known before.
+        chosen: `(M,)` for each peak, the path kept of each measurement or -1, where the method decides that itself.
+    """
 
     peaks: Peaks
     mixture: Mixture
     prior: Prior
+    chosen: tuple[IntArray, ...] | None = None
 
 
 def consensus(

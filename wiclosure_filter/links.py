@@ -143,6 +143,7 @@ def _gather(
         lost = f"{int((~inside).sum())} of {len(rows)} measurements lie outside the trajectories' time"
         return Links(**{**inner.__dict__, "left_out": (lost, *inner.left_out)})
     headings = odometry_headings(trajectories, wireless, (robot_a, robot_b))
+    use_yaw = settings.heading in {"auto", "heading"}
     sides = [
         _Side.of(trajectories[robot], stamps, _arms(chosen, a_receives == is_a), headings.get(robot), settings)
         for robot, stamps, is_a in ((robot_a, stamp_a_ns, True), (robot_b, stamp_b_ns, False))
@@ -175,7 +176,7 @@ def _gather(
         sigma=np.where(paths.index >= 0, np.hypot(paths.sigma, np.nan_to_num(extra_sigma)[:, None]), 1.0),
         weight=paths.weight,
         path=paths.index,
-        yaw=_wrapped(sides[1].yaw_world_odom - sides[0].yaw_world_odom),
+        yaw=_wrapped(sides[1].yaw_world_odom - sides[0].yaw_world_odom) if use_yaw else np.full(len(rows), np.nan),
         yaw_sigma=np.hypot(sides[0].heading_sigma, sides[1].heading_sigma),
         left_out=left_out,
     )

@@ -18,6 +18,7 @@ import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment_settings import RadioSettings
+from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.observations import Observations
 
 MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild
@@ -140,6 +141,15 @@ class Explanation:
     path: FloatArray
     in_sight: FloatArray
     obstructed: FloatArray
+
+    def direct(self) -> IntArray:
+        """`(M,)` the path that more likely than not is the direct one, or -1; of the first state."""
+        best = np.argmax(self.path[0], axis=1)
+        return np.where(self.path[0, np.arange(len(best)), best] > 0.5, best, -1)
+
+    def ranged(self) -> BoolArray:
+        """`(M,)` true where the range more likely than not is no gross error; of the first state."""
+        return np.asarray(self.in_sight[0] + self.obstructed[0] > 0.5)
 
 
 def displacement(

@@ -96,6 +96,10 @@ class Observations:
         per_measurement = [f.name for f in fields(self) if f.name not in {"centre_a", "centre_b"}]
         return replace(self, **{name: getattr(self, name)[rows] for name in per_measurement})
 
+    def restricted(self, weight: FloatArray, range_m: FloatArray) -> Observations:
+        """The same measurements with other path weights `(M, K)` and ranges `(M,)`."""
+        return replace(self, weight=weight, range_m=range_m, has_bearing=np.asarray((weight > 0).any(axis=1)))
+
     def frame_transform(self, state: FloatArray) -> FloatArray:
         """`T_a_b (..., 4, 4)` of states `(..., 4)`."""
         T = se3.from_yaw(state[..., 0], state[..., 1:] + self.centre_a)

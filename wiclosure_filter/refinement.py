@@ -79,6 +79,12 @@ class Peaks:
     def __len__(self) -> int:
         return len(self.states)
 
+    @classmethod
+    def at(cls, states: FloatArray, mixture: Mixture, prior: Prior) -> Peaks:
+        """States as they are, with the posterior and its curvature there."""
+        value, information, _ = _normal_equations(states, mixture, prior)
+        return cls(states, value, information)
+
     def subset(self, rows: IntArray) -> Peaks:
         """The peaks at `rows`."""
         return Peaks(self.states[rows], self.log_posterior[rows], self.information[rows])
