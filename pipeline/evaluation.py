@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from wiclosure.pipeline.closure_quality import candidate_metrics, closure_metrics
-from wiclosure.pipeline.metrics import AlignmentMetrics, ComponentMetrics, Metrics
+from wiclosure.pipeline.metrics import AlignmentMetrics, ComponentMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.trajectory_error import (
     Matched,
     all_matched,
@@ -77,14 +77,8 @@ def evaluate(
         diagnosis: sentences so far; those of the evaluation are added.
     """
     gap_s = settings.ground_truth_gap_s
-    robots = all_matched(merged, truth, gap_s)
-    by_component = [joint_errors([robots[robot] for robot in group]) for group in components]
-    errors = {robot: error for group in by_component for robot, error in group.items()}
-    parts: list[ComponentMetrics] = [
-        {"robots": list(group), "ate_m": _rms_of_all(found)}
-        for group, found in zip(components, by_component, strict=True)
-    ]
-    judged = [part for part in parts if part["ate_m"] is not None]
+    ambiguous = {frozenset((a.robot_a, a.robot_b)): a.ambiguous for a in filtered.alignments}
+    trajectories = evaluate_trajectories(merged, components, truth, settings, ambiguous)
     return {
         "filter": filtered.filter_name,
         "pairs_total": filtered.pairs_total,
@@ -104,16 +98,46 @@ def evaluate(
             error_deg=settings.closure_error_deg,
             gap_s=gap_s,
         ),
+        **trajectories,
+        "seconds": dict(seconds),
+        "bytes_exchanged": bytes_exchanged,
+        "peak_rss_mb": peak_rss_mb,
+        "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
+    }
+
+
+def evaluate_trajectories(
+    merged: Mapping[str, Trajectory],
+    components: Sequence[Sequence[str]],
+    truth: Mapping[str, Trajectory],
+    settings: EvaluationSettings,
+    ambiguous: Mapping[frozenset[str], bool] | None = None,
+) -> TrajectoryMetrics:
+    """The part of the metrics that needs nothing but merged trajectories and ground truth.
+
+    Args:
+        merged: `T_world_body` by robot.
+        components: robots that accepted closures connect.
+        truth: ground truth by robot, as far as there is any.
+        settings: how ground truth is used.
+        ambiguous: for pairs of robots, whether the radio's alignment was ambiguous.
+    """
+    robots = all_matched(merged, truth, settings.ground_truth_gap_s)
+    by_component = [joint_errors([robots[robot] for robot in group]) for group in components]
+    errors = {robot: error for group in by_component for robot, error in group.items()}
+    parts: list[ComponentMetrics] = [
+        {"robots": list(group), "ate_m": _rms_of_all(found)}
+        for group, found in zip(components, by_component, strict=True)
+    ]
+    judged = [part for part in parts if part["ate_m"] is not None]
+    return {
         "ate_m": {"team": judged[0]["ate_m"] if len(judged) == 1 else None}
         | {robot: rms(errors[robot]) if robot in errors else None for robot in robots},
         "ate_own_m": {name: _rms_of_all(joint_errors([robot])) for name, robot in robots.items()},
         "components": parts,
         "rpe": {name: relative_errors(robot, settings.rpe_distance_m) for name, robot in robots.items() if len(robot)},
-        "alignment": _alignments(robots, components, filtered),
-        "seconds": dict(seconds),
-        "bytes_exchanged": bytes_exchanged,
-        "peak_rss_mb": peak_rss_mb,
-        "diagnosis": [*diagnosis, *_remarks(robots, judged, truth)],
+        "alignment": _alignments(robots, components, ambiguous or {}),
+        "diagnosis": _remarks(robots, judged, truth),
     }
 
 
@@ -122,10 +146,9 @@ def _rms_of_all(errors: Mapping[str, FloatArray]) -> float | None:
 
 
 def _alignments(
-    robots: Mapping[str, Matched], components: Sequence[Sequence[str]], filtered: FilterResult
+    robots: Mapping[str, Matched], components: Sequence[Sequence[str]], ambiguous: Mapping[frozenset[str], bool]
 ) -> dict[str, AlignmentMetrics]:
     """Errors between each two robots, by `a-b`; None for two that no closures connect."""
-    ambiguous = {frozenset((a.robot_a, a.robot_b)): a.ambiguous for a in filtered.alignments}
     found: dict[str, AlignmentMetrics] = {}
     for a, b in robot_pairs(list(robots)):
         connected = any(a in group and b in group for group in components)

@@ -54,12 +54,23 @@ class ComponentMetrics(TypedDict):
     ate_m: float | None
 
 
-class Metrics(TypedDict):
-    """All of `metrics.json`.
+class TrajectoryMetrics(TypedDict):
+    """What can be said of merged trajectories alone.
 
     `ate_m` holds `team`, which is None unless all robots with ground truth are connected, and one value a robot under
     the alignment of its component; `ate_own_m` has each robot aligned on its own, which hides errors between robots.
     """
+
+    ate_m: dict[str, float | None]
+    ate_own_m: dict[str, float | None]
+    components: list[ComponentMetrics]
+    rpe: dict[str, RelativeErrorMetrics]
+    alignment: dict[str, AlignmentMetrics]
+    diagnosis: list[str]
+
+
+class Metrics(TrajectoryMetrics):
+    """All of `metrics.json`."""
 
     filter: str
     pairs_total: int
@@ -67,12 +78,6 @@ class Metrics(TypedDict):
     candidates: CandidateMetrics
     candidates_registrable: CandidateMetrics
     closures: ClosureMetrics
-    ate_m: dict[str, float | None]
-    ate_own_m: dict[str, float | None]
-    components: list[ComponentMetrics]
-    rpe: dict[str, RelativeErrorMetrics]
-    alignment: dict[str, AlignmentMetrics]
     seconds: dict[str, float]
     bytes_exchanged: int | None
     peak_rss_mb: float | None
-    diagnosis: list[str]

@@ -1,0 +1,331 @@
+"""Pictures of a run: trajectories before and after merging, and which candidates the filter left.
+
+Drawn without a display and without global state.  Colours are Okabe and Ito's, told apart with every kind of colour
+vision; what colour says is also said by shape or by place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.merged_map import ROBOT_COLOURS
+from wiclosure.errors import OutputError
+from wiclosure.pipeline.metrics import Metrics
+from wiclosure.pipeline.trajectory_error import matched, rigid_alignment, truth_at
+from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from wiclosure.pipeline.comparison import Comparison
+    from wiclosure.pipeline.run import RunResult
+
+INK, FAINT = "#222222", "#9a9a9a"
+MISSED, WASTED, FOUND = "#f2b48c", "#c9d3da", "#0072b2"  # true but not kept, kept but false, true and kept
+CLOSURE = "#d55e00"
+DPI = 150
+MATRICES = 3  # robot pairs whose candidates are drawn; five robots have ten
+
+
+def draw_trajectories(
+    path: Path,
+    *,
+    odometry: Mapping[str, Trajectory],
+    merged: Mapping[str, Trajectory],
+    keyframes: Mapping[str, Trajectory],
+    closures: Sequence[Closure],
+    components: Sequence[Sequence[str]],
+    truth: Mapping[str, Trajectory],
+    gap_s: float = 1.0,
+) -> None:
+    """Top view: left each robot in its own odometry frame, right all that are connected in one frame.
+
+    Args:
+        path: PNG to write.
+        odometry: as recorded, by robot.
+        merged: `T_world_body` by robot.
+        keyframes: merged keyframes by robot, between which accepted closures are drawn.
+        closures: all; accepted ones are drawn.
+        components: robots that closures connect; those outside the first are named as not connected.
+        truth: ground truth by robot, drawn thin where there is some.
+        gap_s: how near ground truth must be in time.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    figure = _figure(11.0, 5.2)
+    before, after = figure.subplots(1, 2)
+    connected = set(components[0])
+    accepted = [c for c in closures if c.decision is Decision.ACCEPTED and c.query.robot in connected]
+    _draw_truth(after, {r: merged[r] for r in merged if r in connected}, truth, gap_s)
+    for axes, trajectories in ((before, odometry), (after, merged)):
+        for robot, trajectory in trajectories.items():
+            if axes is before or robot in connected:
+                _draw_path(axes, trajectory, _colour(list(odometry).index(robot)))
+    ends = [[keyframes[k.robot].positions[k.index, :2] for k in (c.query, c.match)] for c in accepted]
+    _draw_closures(after, np.array(ends).reshape(-1, 2, 2))
+    before.set_title("before: each robot in its own frame")
+    after.set_title(f"after: one frame, {len(accepted)} closures")
+    outside = [robot for robot in merged if robot not in connected]
+    if outside:
+        note = f"not connected: {', '.join(outside)}"
+        after.text(0.02, 0.02, note, transform=after.transAxes, color=INK, va="bottom")
+    _legend(figure, (before, after))
+    _save(figure, path)
+
+
+def draw_candidates(
+    path: Path,
+    arms: Mapping[str, CandidatePairs],
+    *,
+    keyframes: Mapping[str, Trajectory],
+    closures: Mapping[str, Sequence[Closure]],
+    truth: Mapping[str, Trajectory],
+    radius_m: float,
+    gap_s: float = 1.0,
+) -> None:
+    """The matrix of keyframe pairs of two robots, one panel for each filter.
+
+    Args:
+        path: PNG to write.
+        arms: kept pairs of the same two robots, by the title of the panel.
+        keyframes: by robot, for stamps and counts.
+        closures: by the same titles; accepted ones are marked.
+        truth: ground truth by robot; without it only kept and not kept are told apart.
+        radius_m: distance within which a pair is true.
+        gap_s: how near ground truth must be in time.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    first = next(iter(arms.values()))
+    a, b = first.robot_a, first.robot_b
+    near = _near(keyframes[a], keyframes[b], truth, radius_m, gap_s)
+    figure = _figure(0.6 + 4.4 * len(arms), 4.9)
+    for axes, (title, pairs) in zip(
+        np.atleast_1d(figure.subplots(1, len(arms), sharey=True)), arms.items(), strict=True
+    ):
+        kept = np.zeros((len(keyframes[a]), len(keyframes[b])), bool)
+        kept[pairs.index_a, pairs.index_b] = True
+        axes.imshow(_matrix_colours(near, kept), origin="lower", aspect="auto", interpolation="antialiased")
+        marks = _accepted_cells(closures.get(title, ()), a, b)
+        axes.scatter(marks[:, 1], marks[:, 0], s=26, marker="x", color=CLOSURE, linewidths=1.3)
+        axes.set_title(f"{title}: {len(pairs):,} of {kept.size:,} pairs")
+        axes.set_xlabel(f"keyframe of {b}")
+        axes.tick_params(length=2)
+    figure.axes[0].set_ylabel(f"keyframe of {a}")
+    handles: list[Artist] = [
+        Patch(color=FOUND, label=f"kept, within {radius_m:g} m"),
+        Patch(color=WASTED, label="kept, further apart"),
+    ]
+    if near.any():
+        handles.append(Patch(color=MISSED, label=f"not kept, within {radius_m:g} m"))
+    handles.append(Line2D([], [], color=CLOSURE, marker="x", linestyle="", label="accepted closure"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    _save(figure, path)
+
+
+def draw_arms(path: Path, arms: Mapping[str, Metrics]) -> None:
+    """A comparison: error of the merged trajectories, and how many candidates are left after each stage, by filter.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    figure = _figure(11.0, 1.6 + 0.55 * max(len(arms), 4))
+    errors, funnel = figure.subplots(1, 2, width_ratios=(1, 1.4))
+    names = list(arms)
+    values = [arms[name]["ate_m"]["team"] for name in names]
+    rows = np.arange(len(names))
+    errors.barh(rows, [v or 0.0 for v in values], color=[_colour(n) for n in range(len(names))], height=0.6)
+    for row, value in zip(rows, values, strict=True):
+        text = "not all connected" if value is None else f"{value:.2f} m"
+        errors.text(value or 0.0, row, f" {text}", va="center", color=INK)
+    errors.set_yticks(rows, names)
+    errors.invert_yaxis()
+    errors.margins(x=0.25)
+    errors.set_xlabel("team ATE, m")
+    errors.set_title("error of the merged trajectories")
+    stages = ("all pairs", "kept", "proposed", "verified", "accepted")
+    width = 0.8 / len(arms)
+    for n, (name, metrics) in enumerate(arms.items()):
+        closures = metrics["closures"]
+        counts = [
+            metrics["pairs_total"],
+            metrics["pairs_kept"],
+            closures["proposed"],
+            closures["verified"],
+            closures["accepted"],
+        ]
+        place = np.arange(len(stages)) + (n - (len(arms) - 1) / 2) * width
+        funnel.bar(place, np.maximum(counts, 0.8), width * 0.92, color=_colour(n), label=name)
+        for x, count in zip(place, counts, strict=True):
+            funnel.text(x, max(count, 0.8), _short(count), ha="center", va="bottom", fontsize=7, color=INK)
+    funnel.set_yscale("log")
+    funnel.set_ylim(0.8, 4 * max(m["pairs_total"] for m in arms.values()) + 1)
+    funnel.set_xticks(np.arange(len(stages)), stages)
+    funnel.set_title("what is left after each stage")
+    funnel.legend(frameon=False, loc="upper right")
+    _save(figure, path)
+
+
+def draw_run(folder: Path, result: RunResult) -> None:
+    """`trajectories.png`, and `candidates_A_B.png` for the pairs of robots with most kept candidates.
+
+    Raises:
+        OutputError: a picture cannot be written.
+    """
+    settings, solution = result.config.evaluation, result.solution
+    draw_trajectories(
+        folder / "trajectories.png",
+        odometry={robot: front.odometry for robot, front in result.fronts.items()},
+        merged=result.merged,
+        keyframes=solution.graph.trajectories,
+        closures=solution.closures,
+        components=solution.graph.components,
+        truth=result.inputs.ground_truth,
+        gap_s=settings.ground_truth_gap_s,
+    )
+    _draw_matrices(folder, {solution.filtered.filter_name: result})
+
+
+def draw_comparison(folder: Path, comparison: Comparison) -> None:
+    """`comparison.png`, `candidates_A_B.png` with a panel an arm, and each arm's own pictures in its folder.
+
+    Raises:
+        OutputError: a picture cannot be written.
+    """
+    draw_arms(folder / "comparison.png", comparison.metrics)
+    _draw_matrices(folder, comparison.arms)
+    for name, result in comparison.arms.items():
+        draw_run(folder / name, result)
+
+
+def _draw_matrices(folder: Path, arms: Mapping[str, RunResult]) -> None:
+    """The matrices of the robot pairs with most candidates, one panel an arm."""
+    kept = {name: {(p.robot_a, p.robot_b): p for p in r.solution.filtered.pairs} for name, r in arms.items()}
+    result = next(iter(arms.values()))
+    robot_pairs = sorted(next(iter(kept.values())), key=lambda pair: -max(len(pairs[pair]) for pairs in kept.values()))
+    for a, b in robot_pairs[:MATRICES]:
+        draw_candidates(
+            folder / f"candidates_{a}_{b}.png",
+            {name: pairs[a, b] for name, pairs in kept.items()},
+            keyframes={robot: front.keyframes for robot, front in result.fronts.items()},
+            closures={name: r.solution.closures for name, r in arms.items()},
+            truth=result.inputs.ground_truth,
+            radius_m=result.config.evaluation.overlap_radius_m,
+            gap_s=result.config.evaluation.ground_truth_gap_s,
+        )
+
+
+# ------------------------------------------------------------------------------------------------------- trajectories
+def _draw_path(axes: Axes, trajectory: Trajectory, colour: str) -> None:
+    x, y = trajectory.positions[:, 0], trajectory.positions[:, 1]
+    axes.plot(x, y, color=colour, linewidth=1.8, label=trajectory.robot, solid_capstyle="round")
+    axes.plot(x[:1], y[:1], marker="o", markersize=6, color=colour, markeredgecolor="white")
+    axes.plot(x[-1:], y[-1:], marker="s", markersize=5.5, color=colour, markeredgecolor="white")
+
+
+def _draw_truth(axes: Axes, merged: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float) -> None:
+    """Ground truth of the connected robots, laid over the estimate by one alignment."""
+    found = {robot: matched(trajectory, truth.get(robot), gap_s) for robot, trajectory in merged.items()}
+    covered = [m for m in found.values() if len(m)]
+    if not covered:
+        return
+    estimate = np.concatenate([m.estimate[:, :3, 3] for m in covered])
+    true = np.concatenate([m.truth[:, :3, 3] for m in covered])
+    T_estimate_truth = se3.inverse(rigid_alignment(estimate, true))
+    for n, m in enumerate(covered):
+        place = (T_estimate_truth @ m.truth)[:, :2, 3]
+        label = "ground truth" if n == 0 else None
+        axes.plot(place[:, 0], place[:, 1], color=INK, linewidth=0.8, linestyle=(0, (4, 2)), label=label, zorder=3)
+
+
+def _draw_closures(axes: Axes, ends: FloatArray) -> None:
+    from matplotlib.collections import LineCollection
+
+    if len(ends):
+        axes.add_collection(LineCollection(list(ends), colors=CLOSURE, linewidths=0.9, zorder=4))
+        middle = ends.mean(axis=1)
+        axes.scatter(middle[:, 0], middle[:, 1], s=9, color=CLOSURE, zorder=5, linewidths=0, label="closure")
+
+
+def _legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    from matplotlib.lines import Line2D
+
+    found: dict[str, Artist] = {}
+    for axes in panels:
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel("x, m")
+        axes.set_ylabel("y, m")
+        axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
+        axes.set_axisbelow(True)
+        handles, labels = axes.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    for label, marker in (("start", "o"), ("end", "s")):
+        found[label] = Line2D([], [], color=FAINT, marker=marker, linestyle="", markeredgecolor="white")
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=len(found), frameon=False)
+
+
+# --------------------------------------------------------------------------------------------------------- candidates
+def _near(a: Trajectory, b: Trajectory, truth: Mapping[str, Trajectory], radius_m: float, gap_s: float) -> np.ndarray:
+    """`(N, M)`: pairs within the radius, by ground truth."""
+    (poses_a, covered_a), (poses_b, covered_b) = (truth_at(truth.get(t.robot), t.stamps_ns, gap_s) for t in (a, b))
+    position_a, position_b = poses_a[:, :3, 3], poses_b[:, :3, 3]
+    # |a - b|^2 = |a|^2 + |b|^2 - 2 a b: no (N, M, 3) array for thousands of keyframes
+    squared = (position_a**2).sum(axis=1)[:, None] + (position_b**2).sum(axis=1) - 2 * position_a @ position_b.T
+    return np.asarray((squared <= radius_m**2) & covered_a[:, None] & covered_b)
+
+
+def _matrix_colours(near: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    from matplotlib.colors import to_rgb
+
+    palette = np.array([to_rgb(c) for c in ("white", WASTED, MISSED, FOUND)])
+    return np.asarray(palette[kept + 2 * near.astype(int)])
+
+
+def _accepted_cells(closures: Sequence[Closure], robot_a: str, robot_b: str) -> FloatArray:
+    """Row and column `(K, 2)` of the accepted closures of two robots."""
+    cells = [
+        {c.query.robot: c.query.index, c.match.robot: c.match.index}
+        for c in closures
+        if c.decision is Decision.ACCEPTED and {c.query.robot, c.match.robot} == {robot_a, robot_b}
+    ]
+    return np.array([[cell[robot_a], cell[robot_b]] for cell in cells], float).reshape(-1, 2)
+
+
+# -------------------------------------------------------------------------------------------------------------- common
+def _colour(number: int) -> str:
+    red, green, blue = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _short(count: int) -> str:
+    for limit, unit in ((1_000_000, "M"), (1_000, "k")):
+        if count >= limit:
+            return f"{count / limit:.3g}{unit}"
+    return str(count)
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def _save(figure: Figure, path: Path) -> None:
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
+    try:
+        figure.savefig(path, dpi=DPI)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
