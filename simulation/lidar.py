@@ -23,11 +23,16 @@ class LidarModel:
         elevations_deg: of the beams, up from the horizontal plane.
         columns: firings a turn.
         rate_hz: turns a second.
-        min_range_m, max_range_m: nearer and farther returns are not reported.
+        min_range_m: nearer returns are not reported.
+        max_range_m: farther returns are not reported: the range to which the sensor is cut.
+        reach_m: how far it sees a surface face on.
         range_sigma_m: standard deviation of a range.
         dropout: share of returns lost, anywhere.
-        least_cosine: returns at a flatter incidence (cosine of the angle to the normal) are too weak at full range; the
+        least_cosine: at full reach, returns at a flatter incidence (cosine of the angle to the normal) are too weak; the
             limit falls with the square of the distance, as the echo's energy does.
+        beam_sigma_deg: each beam leaves a little beside its elevation in the table, the same all the time: no
+            calibration is perfect, and most of a good odometry's drift comes from that.
+        beam_sigma_m: each beam's constant range error.
 
     Raises:
         ConfigError: an impossible value.
@@ -39,13 +44,17 @@ class LidarModel:
     rate_hz: float = 10.0
     min_range_m: float = 0.5
     max_range_m: float = 100.0
+    reach_m: float = 100.0
     range_sigma_m: float = 0.02
     dropout: float = 0.02
     least_cosine: float = 0.15
+    beam_sigma_deg: float = 0.03
+    beam_sigma_m: float = 0.01
 
     def __post_init__(self) -> None:
-        if not self.range_sigma_m >= 0:
-            raise ConfigError(f"lidar range noise is {self.range_sigma_m} m; it must be >= 0")
+        for sigma in (self.range_sigma_m, self.beam_sigma_deg, self.beam_sigma_m):
+            if not sigma >= 0:
+                raise ConfigError(f"lidar {self.name}: a noise is {sigma}; it must be >= 0")
         if not 0 <= self.dropout < 1:
             raise ConfigError(f"lidar drop-out is {self.dropout}; it must be a share >= 0 and < 1")
         if not 0 <= self.min_range_m < self.max_range_m:
@@ -63,8 +72,21 @@ class LidarModel:
     @cached_property
     def directions(self) -> Float32Array:
         """`(columns, beams, 3)` unit vectors in the sensor's axes; a turn starts behind and runs clockwise."""
+        return self._directions(np.zeros(len(self.elevations_deg)))
+
+    def individual(self, rng: np.random.Generator) -> Individual:
+        """One sensor of this model, with calibration errors of its own."""
+        beams = len(self.elevations_deg)
+        elevation_deg, range_m = rng.standard_normal(beams), rng.standard_normal(beams)
+        return Individual(
+            self,
+            self._directions(self.beam_sigma_deg * elevation_deg),
+            (self.beam_sigma_m * range_m).astype(np.float32),
+        )
+
+    def _directions(self, error_deg: FloatArray) -> Float32Array:
         azimuth = np.pi - 2 * np.pi * (np.arange(self.columns) + 0.5) / self.columns
-        elevation = np.deg2rad(self.elevations_deg)
+        elevation = np.deg2rad(np.array(self.elevations_deg) + error_deg)
         out = np.empty((self.columns, len(elevation), 3), np.float32)
         out[..., 0] = np.cos(azimuth)[:, None] * np.cos(elevation)
         out[..., 1] = np.sin(azimuth)[:, None] * np.cos(elevation)
@@ -77,27 +99,44 @@ class LidarModel:
         return np.round(np.arange(self.columns) * (self.period_ns / self.columns)).astype(np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class Individual:
+    """One LiDAR with its calibration errors.
+
+    Args:
+        model: what it reports to be.
+        true_directions: `(columns, beams, 3)` where its rays really go.
+        range_error_m: `(beams,)` added to every range.
+    """
+
+    model: LidarModel
+    true_directions: Float32Array
+    range_error_m: Float32Array
+
+
 Motion = Callable[[IntArray], FloatArray]
 """`T_world_sensor (N, 4, 4)` at stamps `(N,)`, nanoseconds."""
 
 
-def sweep(model: LidarModel, scene: Scene, motion: Motion, stamp_ns: int, rng: np.random.Generator) -> Scan:
+def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: np.random.Generator) -> Scan:
     """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time."""
+    model, beams = lidar.model, len(lidar.range_error_m)
     T_world_sensor = motion(stamp_ns + model.column_offsets_ns).astype(np.float32)
-    rays = np.empty((model.columns, len(model.elevations_deg), 6), np.float32)
+    rays = np.empty((model.columns, beams, 6), np.float32)
     rays[..., :3] = T_world_sensor[:, None, :3, 3]
-    np.matmul(model.directions, np.swapaxes(T_world_sensor[:, :3, :3], 1, 2), out=rays[..., 3:])
-    true_m, cosine = scene.cast(rays.reshape(-1, 6))
+    np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :3, :3], 1, 2), out=rays[..., 3:])
+    true_m, cosine, mirrored = scene.cast(rays.reshape(-1, 6))
     range_m = true_m + np.float32(model.range_sigma_m) * rng.standard_normal(len(true_m), dtype=np.float32)
-    needed = model.least_cosine * (true_m / model.max_range_m) ** 2
+    range_m += np.tile(lidar.range_error_m, model.columns)
     seen = np.flatnonzero(
         (range_m >= model.min_range_m)
         & (range_m <= model.max_range_m)
-        & (cosine >= needed)
+        & ~mirrored
+        & (cosine >= model.least_cosine * (true_m / model.reach_m) ** 2)
         & (rng.random(len(true_m), dtype=np.float32) >= model.dropout)
     )
     points = model.directions.reshape(-1, 3)[seen] * range_m[seen, None]
-    times: FloatArray = model.column_offsets_ns[seen // len(model.elevations_deg)] / 1e9
+    times: FloatArray = model.column_offsets_ns[seen // beams] / 1e9
     return Scan(stamp_ns, points.astype(np.float64), times, cosine[seen])
 
 
@@ -113,11 +152,20 @@ _VLP32_DEG = (
 
 LIDARS: dict[str, LidarModel] = {
     # Manufacturers' data sheets. HDL-64E: an upper block at 1/3 degree, a lower one at 1/2 degree.
-    "hdl64": LidarModel("hdl64", _even(-24.33, -8.83, 32) + _even(-8.33, 2.0, 32), 1800, max_range_m=120.0),
-    "vlp16": LidarModel("vlp16", _even(-15.0, 15.0, 16), 1800, max_range_m=100.0, range_sigma_m=0.03),
-    "vlp32": LidarModel("vlp32", _VLP32_DEG, 1800, max_range_m=200.0, range_sigma_m=0.03),
-    "os1-64": LidarModel("os1-64", _even(-22.5, 22.5, 64), 1024, max_range_m=90.0),
-    "generic-32": LidarModel("generic-32", _even(-25.0, 15.0, 32), 900, max_range_m=80.0),
+    "hdl64": LidarModel(
+        "hdl64",
+        _even(-24.33, -8.83, 32) + _even(-8.33, 2.0, 32),
+        1800,
+        max_range_m=120.0,
+        reach_m=120.0,
+        # KITTI's recordings need a correction of some 0.2 degrees of the elevations.
+        beam_sigma_deg=0.1,
+        beam_sigma_m=0.02,
+    ),
+    "vlp16": LidarModel("vlp16", _even(-15.0, 15.0, 16), 1800),
+    "vlp32": LidarModel("vlp32", _VLP32_DEG, 1800, max_range_m=200.0, reach_m=200.0),
+    "os1-64": LidarModel("os1-64", _even(-22.5, 22.5, 64), 1024, max_range_m=90.0, reach_m=90.0),
+    "generic-32": LidarModel("generic-32", _even(-25.0, 15.0, 32), 900, max_range_m=80.0, reach_m=80.0),
 }
 
 

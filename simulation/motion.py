@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from pydantic import Field
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError
@@ -31,6 +32,12 @@ class MotionSettings(Settings):
     turn_rate_rps: float = Field(1.0, gt=0, description="rad/s, fastest turn")
     corner_m: float = Field(1.5, gt=0, description="m before and after a waypoint over which its corner is rounded")
     sensor_height_m: float = Field(0.8, gt=0, description="m from the ground to the LiDAR")
+    sway_deg: float = Field(
+        0.3,
+        ge=0,
+        description="degrees, standard deviation of roll and pitch from unevenness under"
+        " the wheels that is too small to be part of the ground's shape",
+    )
 
 
 class Motion(Protocol):
@@ -106,6 +113,34 @@ class GroundPath:
 
 
 @dataclass(frozen=True, eq=False)
+class Sway:
+    """Roll and pitch along the path: waves of the distance travelled, so a robot that stands does not sway.
+
+    Args:
+        sigma_rad: standard deviation of each angle.
+        wavelengths_m: `(W,)`.
+        phases_rad: `(2, W)` for roll and pitch.
+    """
+
+    sigma_rad: float
+    wavelengths_m: FloatArray
+    phases_rad: FloatArray
+
+    @classmethod
+    def of(cls, sigma_deg: float, speed_mps: float, seed: int) -> Sway:
+        """Sway of 0.7 to 4 Hz at full speed: what springs and tyres let through."""
+        rng = np.random.default_rng(seed)
+        wavelengths_m = speed_mps / np.geomspace(0.7, 4.0, 9) * rng.uniform(0.9, 1.1, 9)
+        return cls(float(np.deg2rad(sigma_deg)), wavelengths_m, rng.uniform(0, 2 * np.pi, (2, 9)))
+
+    def rotations(self, distance_m: FloatArray) -> FloatArray:
+        """`R_level_body (N, 3, 3)` at the distances travelled `(N,)`."""
+        waves = np.sin(2 * np.pi * distance_m[:, None, None] / self.wavelengths_m + self.phases_rad)
+        roll_pitch = self.sigma_rad * np.sqrt(2 / len(self.wavelengths_m)) * waves.sum(axis=2)
+        return np.asarray(Rotation.from_rotvec(np.pad(roll_pitch, ((0, 0), (0, 1)))).as_matrix())
+
+
+@dataclass(frozen=True, eq=False)
 class PathMotion:
     """Motion along a path with piecewise constant acceleration.
 
@@ -113,6 +148,7 @@ class PathMotion:
         path: the curve on the ground.
         ground: gives height and tilt.
         sensor_height_m: LiDAR above the ground.
+        sway: of the body on its wheels.
         knot_s: `(K,)` seconds since the mission's start.
         knot_m: `(K,)` metres travelled at each knot.
         knot_mps: `(K,)` speed there.
@@ -121,6 +157,7 @@ class PathMotion:
     path: GroundPath
     ground: Ground
     sensor_height_m: float
+    sway: Sway
     knot_s: FloatArray
     knot_m: FloatArray
     knot_mps: FloatArray
@@ -144,7 +181,9 @@ class PathMotion:
         s = self.distance(stamps_ns)
         path = self.path
         xy = np.stack([np.interp(s, path.s_m, path.xy_m[:, axis]) for axis in (0, 1)], axis=1)
-        return on_ground(self.ground, xy, np.interp(s, path.s_m, path.yaw_rad), self.sensor_height_m)
+        T_world_level = on_ground(self.ground, xy, np.interp(s, path.s_m, path.yaw_rad), self.sensor_height_m)
+        T_world_level[:, :3, :3] @= self.sway.rotations(s)
+        return T_world_level
 
 
 def drive(
@@ -172,7 +211,8 @@ def drive(
     if start_s > 0:
         knot_s = np.concatenate([[0.0], knot_s + start_s])
         knot_m, knot_mps = np.concatenate([[0.0], knot_m]), np.concatenate([[0.0], knot_mps])
-    return PathMotion(path, ground, settings.sensor_height_m, knot_s, knot_m, knot_mps)
+    sway = Sway.of(settings.sway_deg, settings.speed_mps, seed=int(1000 * path.length_m))
+    return PathMotion(path, ground, settings.sensor_height_m, sway, knot_s, knot_m, knot_mps)
 
 
 def _speed_profile(

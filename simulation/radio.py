@@ -52,8 +52,12 @@ class RadioSettings(Settings):
     aoa_frame: AoaFrame = Field("body", description="axes of the bearings")
     direct_absent: float = Field(0.15, ge=0, le=1, description="share of profiles without the direct path, free sight")
     direct_absent_blocked: float = Field(0.3, ge=0, le=1, description="the same through walls")
-    false_paths: int | None = Field(
-        None, ge=0, le=50, description="false paths a profile; none given: 0 to 4 as often as in real WiFi profiles"
+    paths: int | None = Field(
+        None,
+        ge=1,
+        le=50,
+        description="paths a profile, the direct one being one of them if it is there; none given: 1 to 5, as often as"
+        " in real WiFi profiles",
     )
     reflections: bool = Field(True, description="whether walls of the scene mirror; else all false paths are diffuse")
     heading_sigma_deg: float | None = Field(None, ge=0, description="degrees; none given: robots have no compass")
@@ -199,11 +203,11 @@ def _profiles(
         return [()] * count
     absent = np.where(heard.blocked, settings.direct_absent_blocked, settings.direct_absent)
     direct = rng.random(count) >= absent
-    if settings.false_paths is None:
+    if settings.paths is None:
         paths = 1 + rng.choice(len(_PATHS_IN_REAL_PROFILES), size=count, p=_PATHS_IN_REAL_PROFILES)
-        false_paths = np.maximum(paths - direct, 0)
     else:
-        false_paths = np.full(count, settings.false_paths)
+        paths = np.full(count, settings.paths)
+    false_paths = paths - direct
     mirrored = FreeSpace().reflections(heard.receiver_m, heard.transmitter_m)
     if settings.reflections:
         mirrored = propagation.reflections(heard.receiver_m, heard.transmitter_m)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from wiclosure.errors import ConfigError
-from wiclosure.simulation.lidar import LidarModel, sweep
+from wiclosure.simulation.lidar import Individual, LidarModel, sweep
 from wiclosure.simulation.motion import START_NS, Motion
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless
@@ -43,11 +44,15 @@ class SimulatedScans:
         for index in range(self.scans):
             yield self.scan(index)
 
+    @cached_property
+    def _individual(self) -> Individual:
+        return self.lidar.individual(np.random.default_rng([*self.seed, 0]))
+
     def scan(self, index: int) -> Scan:
         """The scan of that index."""
-        rng = np.random.default_rng([*self.seed, index])
+        rng = np.random.default_rng([*self.seed, 1, index])
         stamp_ns = START_NS + index * self.lidar.period_ns
-        return sweep(self.lidar, self.scene, self.motion.T_world_body, stamp_ns, rng)
+        return sweep(self._individual, self.scene, self.motion.T_world_body, stamp_ns, rng)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,13 @@ from pydantic import Field
 
 from wiclosure.errors import ConfigError
 from wiclosure.settings import Settings
-from wiclosure.simulation import demo_site
+from wiclosure.simulation import campus, city, demo_site, kitti_streets, shell_space, static_mirror
 from wiclosure.simulation.lidar import LidarModel, lidar_model
+from wiclosure.simulation.motion import Motion
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.radio import RadioSettings
 from wiclosure.simulation.scenario import Scenario
+from wiclosure.simulation.scene import Scene
 
 
 class ScenarioSettings(Settings):
@@ -115,7 +117,41 @@ def _first(chosen: float | None, default: float) -> float:
 
 def _demo_site(choice: Choice) -> Scenario:
     scene = demo_site.scene(choice.rng(), choice.aliasing)
-    robots = demo_site.robots(scene, choice.robots)
+    return _of(choice, scene, demo_site.robots(scene, choice.robots))
+
+
+def _shell_space(choice: Choice) -> Scenario:
+    scene = shell_space.scene(choice.rng(), choice.aliasing)
+    return _of(choice, scene, shell_space.robots(scene, choice.robots))
+
+
+def _city(choice: Choice) -> Scenario:
+    scene = city.scene(choice.rng(), choice.aliasing)
+    return _of(choice, scene, city.robots(scene, choice.robots))
+
+
+def _kitti08(choice: Choice) -> Scenario:
+    if choice.poses is None:
+        raise ConfigError(
+            f"scenario {choice.name} builds its streets along a recorded trajectory; name a KITTI poses file with"
+            " --poses FILE"
+        )
+    xy_m, yaw_rad = kitti_streets.read_positions(choice.poses)
+    scene = kitti_streets.scene(xy_m, choice.rng(), choice.aliasing)
+    return _of(choice, scene, kitti_streets.robots(xy_m, yaw_rad, scene, choice.robots))
+
+
+def _campus(choice: Choice) -> Scenario:
+    scene = campus.scene(choice.rng(), choice.robots, choice.aliasing)
+    return _of(choice, scene, campus.robots(scene, choice.robots))
+
+
+def _static_mirror(choice: Choice) -> Scenario:
+    scene = static_mirror.scene(choice.rng())
+    return _of(choice, scene, static_mirror.robots(scene, choice.robots))
+
+
+def _of(choice: Choice, scene: Scene, robots: dict[str, Motion]) -> Scenario:
     return Scenario(choice.name, scene, robots, choice.lidar, choice.radio, choice.seed)
 
 
@@ -125,7 +161,56 @@ SCENARIOS: dict[str, ScenarioKind] = {
         (2, 2),
         demo_site.lidar(lidar_model("generic-32")),
         1.0,
-        RadioSettings.model_validate({"every_m": 4.0, "range_sigma_m": 0.3, "false_paths": 3}),
+        RadioSettings.model_validate({"every_m": 4.0, "range_sigma_m": 0.3, "paths": 4}),
         _demo_site,
+    ),
+    "shell-space": ScenarioKind(
+        "two robots in an empty storey with a grid of identical pillars, after the paper's hardware experiment",
+        (2, 2),
+        shell_space.lidar(lidar_model("vlp16")),
+        1.0,
+        RadioSettings.model_validate({"every_m": 10.0, "range_sigma_m": 0.3, "paths": 5, "dropout": 0.0}),
+        _shell_space,
+    ),
+    "city": ScenarioKind(
+        "cars in a few blocks of streets with rows of houses, some of them alike",
+        (2, 3),
+        lidar_model("os1-64"),
+        0.5,
+        RadioSettings.model_validate({"every_m": 10.0}),
+        _city,
+    ),
+    "kitti08": ScenarioKind(
+        "streets along a recorded trajectory, driven in three parts at once, after the paper's simulation",
+        (3, 8),
+        lidar_model("hdl64"),
+        0.5,
+        RadioSettings.model_validate({"every_m": 10.0, "paths": 5}),
+        _kitti08,
+    ),
+    "campus": ScenarioKind(
+        "robots around large buildings; neighbours share a walkway, others never meet",
+        (5, 8),
+        campus.lidar(lidar_model("generic-32")),
+        0.3,
+        RadioSettings.model_validate({"every_m": 10.0}),
+        _campus,
+    ),
+    "static-mirror": ScenarioKind(
+        "two robots that hardly move, the direct way blocked, a wall mirroring: for tests",
+        (2, 2),
+        lidar_model("vlp16"),
+        1.0,
+        RadioSettings.model_validate(
+            {
+                "every_m": None,
+                "every_s": 2.0,
+                "paths": 1,
+                "direct_absent_blocked": 1.0,
+                "blocked_range": 1.0,
+                "dropout": 0.0,
+            }
+        ),
+        _static_mirror,
     ),
 }

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.simulation.ground import Ground
@@ -33,10 +34,17 @@ class Reflector:
 
 
 class RayHits(NamedTuple):
-    """Distances `(N,)` along the rays, infinite where nothing was hit, and cosines `(N,)` of the angle of incidence."""
+    """What N rays hit first.
+
+    Args:
+        distance_m: `(N,)` along the rays, infinite where nothing was hit.
+        cosine: `(N,)` of the angle between ray and surface normal.
+        mirrored: `(N,)` whether a glossy ground sends the light away from the sensor.
+    """
 
     distance_m: Float32Array
     cosine: Float32Array
+    mirrored: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,23 +52,27 @@ class Scene:
     """A place with known geometry.
 
     Args:
-        solid: what light and radio do not pass, the ground included.
+        solid: what light and radio do not pass, besides the ground.
         ground: what robots drive on.
         slight: what light does not pass but radio bends around: trees, poles.
         reflectors: walls that mirror radio waves.
+        gloss: the ground mirrors light away where the cosine of incidence is smaller; 0 for matt ground. Polished
+            concrete and wet asphalt do so.
     """
 
     solid: Mesh
     ground: Ground
     slight: Mesh = field(default_factory=lambda: join([]))
     reflectors: tuple[Reflector, ...] = ()
+    gloss: float = 0.0
 
     @cached_property
     def _raycaster(self) -> o3d.t.geometry.RaycastingScene:
         import open3d as o3d  # takes over a second: only where rays are cast
 
         scene = o3d.t.geometry.RaycastingScene()
-        for mesh in (self.solid, self.slight):  # in this order: solid things have geometry id 0
+        # In this order: the ground has geometry id 0, then follows what stops radio too.
+        for mesh in (self.ground.mesh(), self.solid, self.slight):
             if len(mesh.triangles):
                 scene.add_triangles(
                     o3d.core.Tensor.from_numpy(mesh.vertices), o3d.core.Tensor.from_numpy(mesh.triangles)
@@ -73,7 +85,9 @@ class Scene:
 
         hits = self._raycaster.cast_rays(o3d.core.Tensor.from_numpy(rays))
         normal = hits["primitive_normals"].numpy()
-        return RayHits(hits["t_hit"].numpy(), np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:])))
+        cosine = np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:]))
+        mirrored = (hits["geometry_ids"].numpy() == 0) & (cosine < self.gloss)
+        return RayHits(hits["t_hit"].numpy(), cosine, mirrored)
 
     def obstacles(self, start_m: FloatArray, end_m: FloatArray) -> IntArray:
         """How many solid surfaces `(N,)` lie between the points `start_m (N, 3)` and `end_m (N, 3)`."""
@@ -85,7 +99,8 @@ class Scene:
         rays = np.concatenate([start_m, end_m - start_m], axis=1).astype(np.float32)
         crossings = self._raycaster.list_intersections(o3d.core.Tensor.from_numpy(rays))
         t = crossings["t_hit"].numpy()
-        between = (t > 1e-4) & (t < 1 - 1e-4) & (crossings["geometry_ids"].numpy() == 0)
+        solid = 2 if len(self.solid.triangles) else 1
+        between = (t > 1e-4) & (t < 1 - 1e-4) & (crossings["geometry_ids"].numpy() < solid)
         return np.bincount(crossings["ray_ids"].numpy()[between].astype(np.int64), minlength=len(rays))
 
     def clearance(self, points_m: FloatArray) -> FloatArray:
@@ -117,9 +132,10 @@ class Footprint:
 class SceneBuilder:
     """Collects shapes on a ground; `build` makes the scene of them."""
 
-    def __init__(self, ground: Ground) -> None:
+    def __init__(self, ground: Ground, gloss: float = 0.0) -> None:
         self.ground = ground
-        self._solid: list[Mesh] = [ground.mesh()]
+        self._gloss = gloss
+        self._solid: list[Mesh] = []
         self._slight: list[Mesh] = []
         self._reflectors: list[Reflector] = []
 
@@ -146,7 +162,7 @@ class SceneBuilder:
 
     def build(self) -> Scene:
         """The scene of everything added."""
-        return Scene(join(self._solid), self.ground, join(self._slight), tuple(self._reflectors))
+        return Scene(join(self._solid), self.ground, join(self._slight), tuple(self._reflectors), self._gloss)
 
     def _height(self, x_m: float, y_m: float) -> float:
         return float(self.ground.height(np.array([[x_m, y_m]]))[0])
