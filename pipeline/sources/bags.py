@@ -8,7 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import chain
+from functools import lru_cache
+from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
@@ -33,6 +34,7 @@ KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sq
 _MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
 _SUFFIXES = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
 METADATA = "metadata.yaml"
+_SPLIT_JITTER_NS = 10**9  # messages that were under way when a recorder began its next file
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +149,7 @@ def _indexed_bag(path: Path, kind: str, files: Sequence[Path], stack: ExitStack)
         found.setdefault(connection.topic, topic)
     topics = {name: BagTopic(found[name], counts[name]) for name in sorted(found)}
     filled = [reader for reader in readers if reader.message_count]
+    _refuse_overlap(path, files, filled)
     start_ns = min((reader.start_time for reader in filled), default=0)
     end_ns = max((reader.end_time - 1 for reader in filled), default=0)
 
@@ -183,6 +186,12 @@ def _open_readers(path: Path, kind: str, files: Sequence[Path], stack: ExitStack
     return sorted(readers, key=lambda reader: reader.start_time)
 
 
+def _refuse_overlap(path: Path, files: Sequence[Path], readers: Sequence[Reader]) -> None:
+    """Files of one split recording follow each other; recordings of several robots run at the same time."""
+    if any(after.start_time < before.end_time - _SPLIT_JITTER_NS for before, after in pairwise(readers)):
+        raise _several(path, files)
+
+
 def _messages(reader: Reader, topic: str) -> Iterator[RawMessage]:
     connections = [connection for connection in reader.connections if connection.topic == topic]
     if connections:
@@ -196,15 +205,40 @@ def _unpacked(raw: bytes) -> bytes:
 
 
 # --------------------------------------------------------------------------------------------------- record by record
-def _salvaged_bag(path: Path, kind: str, files: Sequence[Path]) -> Bag:
+@dataclass(frozen=True, slots=True)
+class _Survey:
+    """What a scan of all records found."""
+
+    topics: Mapping[str, BagTopic]
+    start_ns: int
+    end_ns: int
+
+    @property
+    def count(self) -> int:
+        return sum(topic.count for topic in self.topics.values())
+
+
+def _survey(kind: str, files: Sequence[Path]) -> _Survey:
+    states = [file.stat() for file in files]
+    return _survey_of(kind, tuple((f, s.st_size, s.st_mtime_ns) for f, s in zip(files, states, strict=True)))
+
+
+@lru_cache(maxsize=32)
+def _survey_of(kind: str, files: tuple[tuple[Path, int, int], ...]) -> _Survey:
+    """Reads everything once; kept for as long as the files do not change, because it takes long."""
     counts: Counter[str] = Counter()
     found: dict[str, FoundTopic] = {}
     start_ns, end_ns = 2**63 - 1, 0
-    for topic, stamp_ns, _ in chain.from_iterable(scan_file(file, kind) for file in files):
+    for topic, stamp_ns, _ in chain.from_iterable(scan_file(file, kind) for file, _, _ in files):
         counts[topic.name] += 1
         found.setdefault(topic.name, topic)
         start_ns, end_ns = min(start_ns, stamp_ns), max(end_ns, stamp_ns)
-    if not counts:
+    return _Survey({name: BagTopic(found[name], counts[name]) for name in sorted(found)}, start_ns, end_ns)
+
+
+def _salvaged_bag(path: Path, kind: str, files: Sequence[Path]) -> Bag:
+    survey = _survey(kind, files)
+    if not survey.count:
         raise InputError(f"{path} holds no whole message, nothing can be salvaged; record it again")
 
     def read(topic: str) -> Iterator[RawMessage]:
@@ -212,19 +246,19 @@ def _salvaged_bag(path: Path, kind: str, files: Sequence[Path]) -> Bag:
             if message.topic.name == topic:
                 yield message.stamp_ns, _unpacked(message.data)
 
-    topics = {name: BagTopic(found[name], counts[name]) for name in sorted(found)}
-    return Bag(path, kind, topics, start_ns, end_ns, read)
+    return Bag(path, kind, survey.topics, survey.start_ns, survey.end_ns, read)
 
 
 def _damaged(path: Path, kind: str, files: Sequence[Path], reason: str) -> InputError:
     """The error for a bag without index or with damage: says what could be saved."""
-    counts = Counter(message.topic.name for file in files for message in scan_file(file, kind))
+    survey = _survey(kind, files)
     reason = " ".join(reason.split()).rstrip(".")
-    if not counts:
+    if not survey.count:
         return InputError(f"{path} cannot be read as a {KINDS[kind]} ({reason}), and holds no whole message")
-    shares = ", ".join(f"{count} on {topic}" for topic, count in counts.most_common(5))
+    largest = sorted(survey.topics.values(), key=lambda topic: -topic.count)[:5]
+    shares = ", ".join(f"{topic.count} on {topic.name}" for topic in largest)
     return InputError(
-        f"{path} is truncated, damaged or has no index ({reason}): {counts.total()} messages can be read ({shares});"
+        f"{path} is truncated, damaged or has no index ({reason}): {survey.count} messages can be read ({shares});"
         " add --salvage to use them"
     )
 
@@ -246,6 +280,8 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def _plain_files(path: Path, stack: ExitStack) -> list[Path]:
     """The bag's files, unpacked into a temporary folder where they are compressed as a whole."""
     files = _storage_files(path) if path.is_dir() else [path]
+    if len({re.sub(r"\d+", "", file.name) for file in files}) > 1 and not (path / METADATA).is_file():
+        raise _several(path, files)
     packed = [file for file in files if file.suffix == ".zstd"]
     if not packed:
         return files
@@ -253,6 +289,12 @@ def _plain_files(path: Path, stack: ExitStack) -> list[Path]:
     for file in packed:
         zstd.decompress_file(file, folder / file.stem)
     return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
+
+
+def _several(path: Path, files: Sequence[Path]) -> InputError:
+    return InputError(
+        f"{path} holds several recordings: {', '.join(file.name for file in files[:12])}; name one of them"
+    )
 
 
 def _foreign(kind: str, files: Sequence[Path]) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
@@ -17,6 +18,9 @@ from wiclosure.pipeline.dataset import Dataset, load_dataset
 from wiclosure.pipeline.dataset_file import write_dataset
 from wiclosure.pipeline.dataset_writer import write_kitti_folder, write_kitti_poses, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.recording import RobotRecording
+from wiclosure.pipeline.sources.ros_types import typestore
+from wiclosure.pipeline.sources.wireless_messages import encode_header
+from wiclosure.pipeline.sources.wireless_topics import RANGE_TYPE
 from wiclosure.types import Heading, Scan, Trajectory, WirelessLog, WirelessMeasurement
 
 START_NS = 1_700_000_000_000_000_000
@@ -125,6 +129,21 @@ def test_clocks_are_set_right(folder: Path) -> None:
     truth = shifted.ground_truth("alpha")
     assert truth is not None
     assert truth.stamps_ns[0] == START_NS + 10**9
+
+
+def test_ranges_of_a_driver_in_the_bag(folder: Path) -> None:
+    store = typestore("ros1")
+    with Writer(folder / "ranging.bag") as writer:
+        connection = writer.add_connection("/uwb_2", RANGE_TYPE, typestore=store)
+        message = store.types[RANGE_TYPE](
+            header=encode_header(START_NS + 5, store, "antenna"),
+            radiation_type=0, field_of_view=0.0, min_range=0.0, max_range=50.0, range=7.5,
+        )  # fmt: skip
+        writer.write(connection, START_NS, store.serialize_ros1(message, RANGE_TYPE))
+    text = "robots: {alpha: {scans: ranging.bag, ranges: {/uwb_2: beta}}, beta: {scans: beta_bag}}"
+    dataset = load_dataset([str(written(folder, text, "ranging.yaml"))])
+    (measurement,) = (m for m in dataset.wireless_log().measurements if m not in LOG.measurements)
+    assert (measurement.receiver, measurement.transmitter, measurement.range_m) == ("alpha", "beta", 7.5)
 
 
 # ------------------------------------------------------------------------------------------------------- ground truth

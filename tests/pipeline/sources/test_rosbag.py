@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.dataset_writer import write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.info import recording_info
 from wiclosure.pipeline.sources.open import open_source
@@ -142,6 +144,18 @@ def test_a_split_bag_is_read_in_order_of_its_numbers(tmp_path: Path, scans: list
             write_clouds(writer, {"/points": [scan]})
     assert_same(list(open_source(folder)), scans)
     assert_same(list(open_source(folder, salvage=True)), scans)
+
+
+@pytest.mark.parametrize("names", [("alpha", "beta"), ("robot1", "robot2")])
+def test_bags_of_several_robots_in_one_folder_are_not_one_recording(
+    tmp_path: Path, scans: list[Scan], names: tuple[str, str]
+) -> None:
+    slow = [Scan(scan.stamp_ns + number * 10**9, scan.points) for number, scan in enumerate(scans)]
+    for name in names:
+        with Writer1(tmp_path / f"{name}.bag") as writer:
+            write_clouds(writer, {"/points": slow})
+    with pytest.raises(InputError, match=rf"several recordings: {names[0]}\.bag, {names[1]}\.bag; name one"):
+        open_source(tmp_path)
 
 
 # ------------------------------------------------------------------------------------------------- damage and salvage
@@ -345,3 +359,21 @@ def test_zstd_file_on_its_own(tmp_path: Path, bags: dict[str, Path], scans: list
     packed = tmp_path / "a.mcap.zstd"
     packed.write_bytes(zstd.compress(next(bags["mcap"].glob("*.mcap")).read_bytes()))
     assert_same(list(open_source(packed)), scans)
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite3"])
+def test_one_scan_is_in_memory_at_a_time(tmp_path: Path, kind: str) -> None:
+    points = np.random.default_rng(0).normal(0, 20, (50_000, 3))
+    peaks = []
+    for count in (10, 40):
+        stream = (Scan((number + 1) * 10**8, points) for number in range(count))
+        path = tmp_path / f"{count}"
+        if kind == "ros1":
+            write_ros1_bag(path, stream)
+        else:
+            write_ros2_bag(path, stream, storage="mcap" if kind == "mcap" else "sqlite3")
+        tracemalloc.start()
+        assert sum(1 for _ in open_source(path)) == count
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 600_000  # one scan is 600 kB as recorded, twice that when decoded
