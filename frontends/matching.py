@@ -29,6 +29,9 @@ _PAIRS_AT_ONCE = 1 << 18
 # may be wrong in it even for true pairs), position 10 m.
 _UNPREDICTED_COVARIANCE = np.diag(np.square([0.1, 0.1, 1.0, 10.0, 10.0, 1.0]))
 
+# Beyond some metres scan context no longer tells near from far, the prediction does: 10 m count as 0.1 of distance.
+_METRES_AS_UNLIKE_AS_CAN_BE = 100.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatchResult:
@@ -56,7 +59,8 @@ def match(
 
     Keyframes of both robots ask: each of robot_a for its best among robot_b's candidates, and each of robot_b likewise.
     A closure's query is always of robot_a.  Where the filter predicts the pose, the closure carries that prediction and
-    its covariance, and a looser threshold applies: the prediction has said already that the places are one.
+    its covariance, a looser threshold applies, as the prediction has said already that the places are one, and of pairs
+    that look equally alike the one predicted nearer wins.
 
     Args:
         pairs: candidates, possibly all pairs.
@@ -74,7 +78,8 @@ def match(
     distance, yaw = compare(ColumnSpectra.of(descriptors_a), ColumnSpectra.of(descriptors_b), a, b)
     limit = settings.max_distance if pairs.predictor is None else settings.max_distance_with_prediction
     alike = np.flatnonzero(distance <= limit)
-    best = alike[_best_of_each(a[alike], b[alike], distance[alike], settings.candidates_per_keyframe)]
+    cost = distance[alike] + _remoteness(pairs, near[alike])
+    best = alike[_best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)]
     closures = _propose(pairs, near[best], distance[best], yaw[best])
     return MatchResult(closures, len(pairs), len(near), len(alike), time.perf_counter() - started)
 
@@ -124,6 +129,14 @@ def _ranks(group: IntArray, distance: FloatArray, count: int) -> NDArray[np.bool
     among = np.zeros(len(group), bool)
     among[order[rank < count]] = True
     return among
+
+
+def _remoteness(pairs: CandidatePairs, rows: IntArray) -> FloatArray:
+    """What the predicted distance of each pair adds to its scan context distance; 0 where nothing is predicted."""
+    predicted = pairs.predicted(rows)
+    if predicted is None:
+        return np.zeros(len(rows))
+    return np.asarray(np.linalg.norm(predicted[0][:, :3, 3], axis=1) / _METRES_AS_UNLIKE_AS_CAN_BE)
 
 
 def _propose(pairs: CandidatePairs, rows: IntArray, distance: FloatArray, yaw: FloatArray) -> tuple[Closure, ...]:

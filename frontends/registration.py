@@ -43,11 +43,10 @@ class Registration:
             prior: predicted `T_query_match (4, 4)` and its covariance `(6, 6)`, where the filter predicts.
         """
         query, match = self._prepare(closure, cloud_query, cloud_match)
-        available = len(query.structure) + len(match.structure)
-        if available < self._settings.min_inliers:
-            return _rejected(
-                closure, f"only {available} points stand on the ground in both clouds: nothing to hold on to"
-            )
+        standing = min(len(query.structure), len(match.structure))
+        # Also a guard: small_gicp crashes on empty clouds.
+        if standing < self._settings.min_inliers / 2:
+            return _rejected(closure, f"only {standing} points of one cloud stand on the ground: nothing to hold on to")
         starts = self._starts(closure, prior, query.voxel_m)
         measured = self._method.measure(query, match, starts, self._settings)
         chi2 = np.array([_chi2(m, prior) for m in measured])

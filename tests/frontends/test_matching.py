@@ -102,6 +102,15 @@ def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
         assert closure.evidence.overlap_probability == pytest.approx(probability[i * 4 + j])
 
 
+def test_of_equally_alike_pairs_the_one_predicted_nearer_is_proposed() -> None:
+    alike = np.repeat(descriptors(1, 0), 3, axis=0)
+    bare = all_pairs(3, 3)
+    unknown = np.full(len(bare), np.nan)
+    pairs = CandidatePairs("alpha", "beta", bare.index_a, bare.index_b, unknown, unknown, TenMetresApart())
+    closures = match(pairs, alike, alike, MatchingSettings()).closures
+    assert [(c.query.index, c.match.index) for c in closures] == [(0, 0), (1, 1), (2, 2)]
+
+
 def test_no_candidates_give_no_closures() -> None:
     none = np.zeros(0, np.int64)
     pairs = CandidatePairs.without_prediction("alpha", "beta", none, none)
