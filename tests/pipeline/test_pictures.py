@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.errors import OutputError
+from wiclosure.pipeline import pictures
+from wiclosure.pipeline.pictures import draw_arms, draw_candidates, draw_trajectories
+from wiclosure.types import CandidatePairs, Closure, Decision, Evidence, KeyframeId, Trajectory
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Few pixels, for speed."""
+    monkeypatch.setattr(pictures, "DPI", 60)
+
+
+def circle(robot, centre_x):
+    angle = np.linspace(0, 2 * np.pi, 50)
+    place = np.stack([centre_x + 10 * np.cos(angle), 10 * np.sin(angle), 0 * angle], axis=1)
+    return Trajectory(robot, np.arange(50, dtype=np.int64) * 1_000_000_000, se3.from_yaw(angle, place))
+
+
+TEAM = {"alpha": circle("alpha", 0.0), "beta": circle("beta", 15.0)}
+CLOSURE = Closure(KeyframeId("alpha", 0), KeyframeId("beta", 25), np.eye(4), np.eye(6), Evidence(), Decision.ACCEPTED)
+
+
+def pixels(path):
+    from matplotlib.image import imread
+
+    return imread(path)[..., :3]
+
+
+def share_of(image, colour):
+    """Share of pixels that have a colour."""
+    wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    return (np.abs(image - wanted).max(axis=2) < 0.03).mean()
+
+
+def draw(path, **changes):
+    arguments = {
+        "odometry": TEAM, "merged": TEAM, "keyframes": TEAM, "closures": [CLOSURE], "components": (("alpha", "beta"),),
+        "truth": TEAM,
+    }  # fmt: skip
+    draw_trajectories(path, **(arguments | changes))
+    return pixels(path)
+
+
+def test_trajectories_show_every_robot_and_closure(tmp_path):
+    image = draw(tmp_path / "all.png")
+    assert min(share_of(image, colour) for colour in ("#0072b2", "#e69f00")) > 1e-3
+    rejected = draw(tmp_path / "rejected.png", closures=[replace(CLOSURE, decision=Decision.REJECTED)])
+    assert share_of(image, "#d55e00") > share_of(rejected, "#d55e00")
+
+
+def test_robots_that_are_not_connected_are_not_drawn_into_a_frame_that_is_not_theirs(tmp_path):
+    together = draw(tmp_path / "together.png")
+    apart = draw(tmp_path / "apart.png", components=(("alpha",), ("beta",)), closures=[])
+    right = np.s_[:-60, together.shape[1] // 2 :]
+    assert share_of(together[right], "#e69f00") > 1e-3
+    assert share_of(apart[right], "#e69f00") < 1e-4
+
+
+@pytest.mark.parametrize("changes", [{"truth": {}}, {"closures": []}, {"components": (("alpha",), ("beta",))}])
+def test_trajectories_without_truth_closures_or_connection_are_drawn_too(tmp_path, changes):
+    assert draw(tmp_path / "picture.png", **changes).shape[0] > 200
+
+
+def test_candidates_show_what_was_kept_and_what_was_missed(tmp_path):
+    every = np.arange(50)
+    arms = {
+        "none": CandidatePairs.without_prediction("alpha", "beta", *(x.ravel() for x in np.indices((50, 50)))),
+        "diagonal": CandidatePairs.without_prediction("alpha", "beta", every, every),
+    }
+    draw_candidates(tmp_path / "c.png", arms, keyframes=TEAM, closures={"none": [CLOSURE]}, truth=TEAM, radius_m=10.0)
+    image = pixels(tmp_path / "c.png")[:-60]
+    left, right = image[:, : image.shape[1] // 2], image[:, image.shape[1] // 2 :]
+    assert share_of(left, "#0072b2") > 0.05  # kept and true
+    assert share_of(left, "#c9d3da") > 0.3  # kept and false
+    assert share_of(left, "#f2b48c") == 0.0
+    assert share_of(right, "#f2b48c") > 0.05  # missed
+
+
+def test_candidates_without_ground_truth_are_drawn(tmp_path):
+    pairs = CandidatePairs.without_prediction("alpha", "beta", np.zeros(0, np.int64), np.zeros(0, np.int64))
+    draw_candidates(tmp_path / "c.png", {"none": pairs}, keyframes=TEAM, closures={}, truth={}, radius_m=10.0)
+    assert share_of(pixels(tmp_path / "c.png")[:-60], "#0072b2") == 0.0
+
+
+def test_arms_are_drawn_with_and_without_a_team_error(tmp_path):
+    closures = {"proposed": 5, "verified": 3, "accepted": 0}
+    arms = {
+        name: {"ate_m": {"team": ate}, "pairs_total": 1000, "pairs_kept": 10, "closures": closures}
+        for name, ate in (("none", None), ("wiclosure", 1.0))
+    }
+    draw_arms(tmp_path / "arms.png", arms)
+    assert share_of(pixels(tmp_path / "arms.png"), "#e69f00") > 0.01
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(OutputError, match="nowhere"):
+        draw(tmp_path / "nowhere" / "picture.png")
