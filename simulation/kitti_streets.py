@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.ndimage import gaussian_filter1d
 
 from wiclosure.errors import InputError
 from wiclosure.simulation.ground import Ground, rough_ground
-from wiclosure.simulation.motion import START_NS, GroundPath, Motion, Sway, on_ground
+from wiclosure.simulation.motion import START_NS, GroundPath, Motion, Sway, on_ground, smoothed
 from wiclosure.simulation.scene import Scene, SceneBuilder
 from wiclosure.simulation.streets import line_with_lots
 from wiclosure.types import FloatArray, IntArray
@@ -73,7 +72,8 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
         InputError: the file cannot be read or is not of that form.
     """
     try:
-        rows = np.loadtxt(path, dtype=float, ndmin=2)
+        lines = path.read_text(encoding="ascii").splitlines()
+        rows = np.loadtxt(lines, dtype=float, ndmin=2) if any(map(str.strip, lines)) else np.zeros((0, 0))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot read KITTI poses ({error}); expected 12 numbers a line") from error
     if rows.shape[1] != 12 or len(rows) < 20 or not np.isfinite(rows).all():
@@ -87,7 +87,7 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
     yaw = np.unwrap(np.arctan2(-T[:, 0, 2], T[:, 2, 2]))
     if np.linalg.norm(np.diff(xy, axis=0), axis=1).sum() < 50:
         raise InputError(f"{path}: the poses cover less than 50 m; streets need a longer drive")
-    smooth = gaussian_filter1d(np.column_stack([xy, yaw]), _SMOOTH_FRAMES, axis=0, mode="nearest")
+    smooth = smoothed(np.column_stack([xy, yaw]), _SMOOTH_FRAMES)
     return smooth[:, :2], smooth[:, 2]
 
 
@@ -113,4 +113,7 @@ def _centre_line(xy_m: FloatArray) -> GroundPath:
 def robots(xy_m: FloatArray, yaw_rad: FloatArray, world: Scene, count: int) -> dict[str, Motion]:
     """The trajectory in `count` contiguous parts, all started together."""
     parts = zip(np.array_split(xy_m, count), np.array_split(yaw_rad, count), strict=True)
-    return {name: RecordedMotion(xy, yaw, world.ground) for name, (xy, yaw) in zip(_ROBOTS[:count], parts, strict=True)}
+    return {
+        name: RecordedMotion(xy, yaw, world.ground, Sway.of(_SWAY_DEG, _SPEED_MPS, number))
+        for number, (name, (xy, yaw)) in enumerate(zip(_ROBOTS[:count], parts, strict=True))
+    }

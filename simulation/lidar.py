@@ -28,8 +28,8 @@ class LidarModel:
         reach_m: how far it sees a surface face on.
         range_sigma_m: standard deviation of a range.
         dropout: share of returns lost, anywhere.
-        least_cosine: at full reach, returns at a flatter incidence (cosine of the angle to the normal) are too weak; the
-            limit falls with the square of the distance, as the echo's energy does.
+        least_cosine: at full reach, returns at a flatter incidence (cosine of the angle to the normal) are too weak;
+            the limit falls with the square of the distance, as the echo's energy does.
         beam_sigma_deg: each beam leaves a little beside its elevation in the table, the same all the time: no
             calibration is perfect, and most of a good odometry's drift comes from that.
         beam_sigma_m: each beam's constant range error.

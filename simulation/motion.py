@@ -94,10 +94,7 @@ class GroundPath:
     def smoothed(cls, xy_m: FloatArray, sigma_m: float) -> GroundPath:
         """The curve through evenly spaced `xy_m (K, 2)`, smoothed along its length with a Gaussian; ends stay."""
         spacing = float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).mean())
-        pad = int(np.ceil(4 * sigma_m / spacing))
-        head = xy_m[0] - np.arange(pad, 0, -1)[:, None] * (xy_m[1] - xy_m[0])
-        tail = xy_m[-1] + np.arange(1, pad + 1)[:, None] * (xy_m[-1] - xy_m[-2])
-        smooth = gaussian_filter1d(np.vstack([head, xy_m, tail]), sigma_m / spacing, axis=0)[pad : pad + len(xy_m)]
+        smooth = smoothed(xy_m, sigma_m / spacing)
         s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(smooth, axis=0), axis=1))])
         tangent = np.gradient(smooth, axis=0)
         return cls(s, smooth, np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
@@ -243,6 +240,15 @@ def _speed_profile(
         np.insert(s, at + 1, s[at]),
         np.insert(v, at + 1, 0.0),
     )
+
+
+def smoothed(values: FloatArray, sigma_samples: float) -> FloatArray:
+    """Rows `(K, D)` smoothed with a Gaussian along the first axis; both ends go on straight, so they stay."""
+    pad = int(np.ceil(4 * sigma_samples))
+    head = values[0] - np.arange(pad, 0, -1)[:, None] * (values[1] - values[0])
+    tail = values[-1] + np.arange(1, pad + 1)[:, None] * (values[-1] - values[-2])
+    extended = np.vstack([head, values, tail])
+    return np.asarray(gaussian_filter1d(extended, sigma_samples, axis=0)[pad : pad + len(values)])
 
 
 def on_ground(ground: Ground, xy_m: FloatArray, yaw_rad: FloatArray, sensor_height_m: float) -> FloatArray:
