@@ -134,7 +134,8 @@ def long_roads(size: int, seed: int = 0) -> tuple[Team, float]:
     parts = []
     for side in (1.0, -1.0):
         # Before and after the shared road each robot keeps to its own side of it.
-        along = np.arange(size) - size / 2.0
+        # Beta drives 40 m behind alpha: antennas at one place have no direction.
+        along = np.arange(size) - size / 2.0 + 20.0 * side
         away = np.maximum(np.abs(along) - shared / 2.0, 0.0)
         wiggle = 20.0 * np.sin(np.cumsum(rng.normal(0, 0.01, size))) * np.minimum(away / 50.0, 1.0)
         x, y = along * 0.7, side * 0.7 * away + wiggle
