@@ -14,7 +14,7 @@ from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.dataset_file import DATASET_FILE, near_match, read_dataset_file
 from wiclosure.pipeline.ground_truth import recorded_ground_truth
 from wiclosure.pipeline.recording import RobotRecording
-from wiclosure.pipeline.sources.bags import bag_kind
+from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasurement

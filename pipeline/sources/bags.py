@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -11,11 +10,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources import salvage_mcap, salvage_ros1, zstd
+from wiclosure.pipeline.sources import zstd
+from wiclosure.pipeline.sources.bag_files import (
+    KINDS,
+    METADATA,
+    bag_kind,
+    has_write_ahead_log,
+    is_foreign,
+    plain_files,
+    several_recordings,
+)
 from wiclosure.pipeline.sources.ros_types import Encoding, deserialize, recorded_typestore
 from wiclosure.pipeline.sources.salvage import FoundTopic, scan_file
 
@@ -30,10 +37,6 @@ logger = logging.getLogger(__name__)
 RawMessage: TypeAlias = tuple[int, bytes]
 """Time of reception in nanoseconds, and the serialised message."""
 
-KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
-_MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
-_SUFFIXES = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
-METADATA = "metadata.yaml"
 _SPLIT_JITTER_NS = 10**9  # messages that were under way when a recorder began its next file
 
 
@@ -65,6 +68,7 @@ class Bag:
         topics: by name.
         start_ns, end_ns: times of the first and last message; equal where there is none.
         read: serialised messages of one topic, in order.
+        salvaged: whether it was read record by record, for whatever is whole.
     """
 
     path: Path
@@ -73,12 +77,13 @@ class Bag:
     start_ns: int
     end_ns: int
     read: Callable[[str], Iterator[RawMessage]]
+    salvaged: bool = False
 
     def messages(self, topic: str) -> Iterator[tuple[int, object]]:
         """Time of reception and deserialised message, of each message of a topic.
 
         Raises:
-            InputError: the bag is damaged, or a message does not fit its type.
+            InputError: the bag is damaged, or a message does not fit its type (left out of a salvaged bag).
         """
         found = self.topics[topic].found
         store = recorded_typestore(found.encoding, found.msgtype, found.definition)
@@ -86,28 +91,12 @@ class Bag:
             try:
                 message = deserialize(store, found.encoding, raw, found.msgtype)
             except Exception as error:  # rosbags does not say which
-                raise InputError(
-                    f"{self.path}, topic {topic}: message {number} is no {found.msgtype} ({error});"
-                    " add --salvage to use the others"
-                ) from error
-            yield stamp_ns, message
-
-
-def bag_kind(path: Path) -> str | None:
-    """`ros1`, `mcap` or `sqlite3` for a bag file or folder, None for anything else.
-
-    Files are told by their first bytes; an empty or unreadable one by its name.
-    """
-    if path.is_dir():
-        kinds = [_SUFFIXES[Path(file.name.removesuffix(".zstd")).suffix] for file in _storage_files(path)]
-        return kinds[0] if kinds else ("mcap" if (path / METADATA).is_file() else None)
-    name = path.name.removesuffix(".zstd").removesuffix(".active")
-    if path.name.endswith(".zstd"):
-        return _SUFFIXES.get(Path(name).suffix)
-    with path.open("rb") as file:
-        head = file.read(16)
-    found = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
-    return found or (_SUFFIXES.get(Path(name).suffix) if not head else None)
+                place = f"{self.path}, topic {topic}, message {number}: no {found.msgtype} ({error})"
+                if not self.salvaged:
+                    raise InputError(f"{place}; add --salvage to use the other messages") from error
+                logger.warning("left out %s", place)
+            else:
+                yield stamp_ns, message
 
 
 @contextmanager
@@ -125,11 +114,11 @@ def open_bag(path: Path, *, salvage: bool = False) -> Iterator[Bag]:
     if kind is None:
         raise InputError(f"{path} is not a ROS bag; expected a .bag, .mcap or .db3 file, or a ROS 2 bag folder")
     with ExitStack() as stack:
-        files = _plain_files(path, stack)
-        if salvage or _foreign(kind, files):
+        files = plain_files(path, stack)
+        if salvage or is_foreign(kind, files):
             yield _salvaged_bag(path, kind, files)
             return
-        if unclosed := [file for file in files if kind == "sqlite3" and _write_ahead_log(file)]:
+        if unclosed := [file for file in files if kind == "sqlite3" and has_write_ahead_log(file)]:
             raise _damaged(path, kind, files, f"{unclosed[0].name} was not closed by its recorder")
         yield _indexed_bag(path, kind, files, stack)
 
@@ -176,7 +165,8 @@ def _open_readers(path: Path, kind: str, files: Sequence[Path], stack: ExitStack
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
-    if path.is_dir() and (path / METADATA).is_file():
+    unpacked_elsewhere = any(file.parent != path for file in files)
+    if path.is_dir() and (path / METADATA).is_file() and not unpacked_elsewhere:
         return [stack.enter_context(Reader2(path))]
     reader_of: type[Reader] = Reader1 if kind == "ros1" else Reader2
     readers: list[Reader] = []
@@ -189,7 +179,7 @@ def _open_readers(path: Path, kind: str, files: Sequence[Path], stack: ExitStack
 def _refuse_overlap(path: Path, files: Sequence[Path], readers: Sequence[Reader]) -> None:
     """Files of one split recording follow each other; recordings of several robots run at the same time."""
     if any(after.start_time < before.end_time - _SPLIT_JITTER_NS for before, after in pairwise(readers)):
-        raise _several(path, files)
+        raise several_recordings(path, files)
 
 
 def _messages(reader: Reader, topic: str) -> Iterator[RawMessage]:
@@ -244,9 +234,14 @@ def _salvaged_bag(path: Path, kind: str, files: Sequence[Path]) -> Bag:
     def read(topic: str) -> Iterator[RawMessage]:
         for message in chain.from_iterable(scan_file(file, kind) for file in files):
             if message.topic.name == topic:
-                yield message.stamp_ns, _unpacked(message.data)
+                try:
+                    raw = _unpacked(message.data)
+                except zstd.ZstdError as error:
+                    logger.warning("left out a message of %s, topic %s: %s", path, topic, error)
+                else:
+                    yield message.stamp_ns, raw
 
-    return Bag(path, kind, survey.topics, survey.start_ns, survey.end_ns, read)
+    return Bag(path, kind, survey.topics, survey.start_ns, survey.end_ns, read, salvaged=True)
 
 
 def _damaged(path: Path, kind: str, files: Sequence[Path], reason: str) -> InputError:
@@ -261,49 +256,3 @@ def _damaged(path: Path, kind: str, files: Sequence[Path], reason: str) -> Input
         f"{path} is truncated, damaged or has no index ({reason}): {survey.count} messages can be read ({shares});"
         " add --salvage to use them"
     )
-
-
-# -------------------------------------------------------------------------------------------------------------- files
-def _storage_files(folder: Path) -> list[Path]:
-    """Bag files in a folder, of the kind that is there, in natural order (`_2` before `_10`)."""
-    for suffix in (".mcap", ".db3", ".bag"):
-        files = [*folder.glob(f"*{suffix}"), *folder.glob(f"*{suffix}.zstd")]
-        if files:
-            return sorted(files, key=_natural)
-    return []
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
-
-
-def _plain_files(path: Path, stack: ExitStack) -> list[Path]:
-    """The bag's files, unpacked into a temporary folder where they are compressed as a whole."""
-    files = _storage_files(path) if path.is_dir() else [path]
-    if len({re.sub(r"\d+", "", file.name) for file in files}) > 1 and not (path / METADATA).is_file():
-        raise _several(path, files)
-    packed = [file for file in files if file.suffix == ".zstd"]
-    if not packed:
-        return files
-    folder = Path(stack.enter_context(TemporaryDirectory(prefix="wiclosure-bag-")))
-    for file in packed:
-        zstd.decompress_file(file, folder / file.stem)
-    return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
-
-
-def _several(path: Path, files: Sequence[Path]) -> InputError:
-    return InputError(
-        f"{path} holds several recordings: {', '.join(file.name for file in files[:12])}; name one of them"
-    )
-
-
-def _foreign(kind: str, files: Sequence[Path]) -> bool:
-    """Whether rosbags would refuse whole files for what wrote them."""
-    starts = [file for file in files if kind == "mcap" and file.stat().st_size > 64]
-    return bool(starts) and not all(map(salvage_mcap.is_ros2_profile, starts))
-
-
-def _write_ahead_log(database: Path) -> bool:
-    """Whether messages wait beside the database, which rosbags would not see."""
-    log = database.with_name(f"{database.name}-wal")
-    return log.is_file() and log.stat().st_size > 0

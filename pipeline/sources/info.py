@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from wiclosure.pipeline.sources.bags import KINDS, Bag, open_bag
+from wiclosure.pipeline.sources.bag_files import KINDS
+from wiclosure.pipeline.sources.bags import Bag, open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
 from wiclosure.pipeline.sources.kitti import KittiSource
 from wiclosure.pipeline.sources.open import guess_loader

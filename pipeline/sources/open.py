@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.sources.bags import bag_kind
+from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.folder import FolderSource, is_cloud_folder
 from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder
 from wiclosure.pipeline.sources.rosbag import RosbagSource

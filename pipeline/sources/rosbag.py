@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import cast
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bags import KINDS, BagTopic, open_bag
+from wiclosure.pipeline.sources.bag_files import KINDS
+from wiclosure.pipeline.sources.bags import BagTopic, open_bag
 from wiclosure.pipeline.sources.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
 from wiclosure.pipeline.sources.ros_types import deserialize, typestore
 from wiclosure.types import Scan

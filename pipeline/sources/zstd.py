@@ -14,6 +14,7 @@ else:
 
 logger = logging.getLogger(__name__)
 
+ZstdError = zstd.ZstdError
 MAGIC = b"\x28\xb5\x2f\xfd"
 
 

@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 import tracemalloc
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -312,6 +313,25 @@ def test_a_message_that_is_no_cloud_is_named(tmp_path: Path, scans: list[Scan]) 
     with pytest.raises(InputError, match=r"a\.bag, topic /points, message 1"):
         list(open_source(tmp_path / "a.bag"))
     assert len(list(open_source(tmp_path / "a.bag", salvage=True))) == 2
+
+
+def test_a_damaged_compressed_message_is_named_or_left_out(tmp_path: Path, scans: list[Scan]) -> None:
+    writer = Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        write_clouds(writer, {"/points": scans}, ROS2)
+    with closing(sqlite3.connect(tmp_path / "a" / "a.db3")) as database, database:
+        database.execute("UPDATE messages SET data = substr(data, 1, 99) WHERE id = 3")
+    with pytest.raises(InputError, match="--salvage"):
+        list(open_source(tmp_path / "a"))
+    assert_same(list(open_source(tmp_path / "a", salvage=True)), [*scans[:2], *scans[3:]])
+
+
+def test_a_folder_whose_files_are_gone(tmp_path: Path, bags: dict[str, Path]) -> None:
+    shutil.copytree(bags["mcap"], tmp_path / "a")
+    next((tmp_path / "a").glob("*.mcap")).unlink()
+    with pytest.raises(InputError, match="missing"):
+        open_source(tmp_path / "a")
 
 
 # --------------------------------------------------------------------------------------------------------------- info
