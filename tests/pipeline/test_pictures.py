@@ -57,8 +57,8 @@ def test_trajectories_show_every_robot_and_closure(tmp_path):
 
 
 def test_robots_that_are_not_connected_are_not_drawn_into_a_frame_that_is_not_theirs(tmp_path):
-    together = draw(tmp_path / "together.png")
-    apart = draw(tmp_path / "apart.png", components=(("alpha",), ("beta",)), closures=[])
+    together = draw(tmp_path / "together.png", truth={})
+    apart = draw(tmp_path / "apart.png", truth={}, components=(("alpha",), ("beta",)), closures=[])
     right = np.s_[:-60, together.shape[1] // 2 :]
     assert share_of(together[right], "#e69f00") > 1e-3
     assert share_of(apart[right], "#e69f00") < 1e-4
