@@ -76,7 +76,12 @@ class AlignmentSettings(Settings):
     )
     heading_tolerance_s: float = Field(5.0, ge=0.0, description="s between a measurement and the headings used with it")
     height_sigma_m: float = Field(
-        10.0, gt=0.0, description="m; prior on the difference in height of robots that the radio does not tell"
+        10.0, gt=0.0, description="m; prior on the difference in height of robots that the radio does not tell, at most"
+    )
+    height_ratio: float = Field(
+        0.1,
+        gt=0.0,
+        description="the same prior over the distance, as roads are not steep; not where elevations are measured",
     )
     tilt_sigma_rad: float = Field(
         0.3, gt=0.0, description="rad; prior on roll and pitch between the frames, where gravity_aligned is false"

@@ -41,7 +41,7 @@ def judge(peaks: Peaks, mixture: Mixture, prior: Prior, settings: AlignmentSetti
     guard, observations = settings.guard, mixture.observations
     evidence = log_evidence(peaks)
     best = int(np.argmax(evidence))
-    distance = link_distance_m(mixture)
+    distance = observations.typical_distance_m
     apart = displacement_m(peaks.states, peaks.states[best], observations)
     different = apart > guard.same_place_fraction * distance
     covariance = _covariance(peaks, evidence, best, ~different)
@@ -65,21 +65,6 @@ def log_evidence(peaks: Peaks) -> FloatArray:
     return np.asarray(peaks.log_posterior - np.linalg.slogdet(peaks.information + ridge)[1] / 2)
 
 
-def link_distance_m(mixture: Mixture) -> float:
-    """Typical distance between the antennas; where nothing was ranged, how far the robots went apart."""
-    observations = mixture.observations
-    near = observations.near_range_m[np.isfinite(observations.near_range_m)]
-    if len(near):
-        return float(max(np.median(near), 1.0))
-    return max(float(np.hypot(*_extents_m(mixture))), 1.0)
-
-
-def _extents_m(mixture: Mixture) -> tuple[float, float]:
-    """How far robots a and b moved while they heard each other: diagonals of the boxes around their antennas."""
-    a, b = (np.linalg.norm(np.ptp(p[:, :2], axis=0)) for p in (mixture.observations.a, mixture.observations.b))
-    return float(a), float(b)
-
-
 def _covariance(peaks: Peaks, evidence: FloatArray, best: int, near: BoolArray) -> FloatArray:
     """Covariance of the best state, with the spread of near peaks weighted by their mass."""
     information = peaks.information[best]
@@ -92,7 +77,7 @@ def _covariance(peaks: Peaks, evidence: FloatArray, best: int, near: BoolArray) 
 
 def _unobservable(covariance: FloatArray, distance: float, mixture: Mixture, settings: AlignmentSettings) -> str:
     guard = settings.guard
-    moved_a, moved_b = _extents_m(mixture)
+    moved_a, moved_b = mixture.observations.extents_m
     yaw_sigma = float(np.sqrt(covariance[0, 0]))
     if yaw_sigma > guard.max_yaw_sigma_rad:
         return (

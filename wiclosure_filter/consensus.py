@@ -60,7 +60,7 @@ def consensus(
         trajectories: of a and b.
         settings: how hard to search.
     """
-    prior = Prior.of(observations, settings.height_sigma_m, knowledge == "heading")
+    prior = Prior.of(observations, settings, knowledge == "heading")
     found: list[AnchoredPeaks] = []
     anchors = _anchors(observations)
     for anchor, rows in anchors:

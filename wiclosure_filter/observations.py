@@ -91,6 +91,18 @@ class Observations:
             index_b=links.index_b,
         )
 
+    @property
+    def extents_m(self) -> tuple[float, float]:
+        """How far a and b moved while they heard each other: diagonals of the boxes around their antennas."""
+        a, b = (np.linalg.norm(np.ptp(p[:, :2], axis=0)) for p in (self.a, self.b))
+        return float(a), float(b)
+
+    @property
+    def typical_distance_m(self) -> float:
+        """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
+        near = self.near_range_m[np.isfinite(self.near_range_m)]
+        return max(float(np.median(near)) if len(near) else float(np.hypot(*self.extents_m)), 1.0)
+
     def subset(self, rows: IntArray) -> Observations:
         """The measurements at `rows`, about the same centres."""
         per_measurement = [f.name for f in fields(self) if f.name not in {"centre_a", "centre_b"}]

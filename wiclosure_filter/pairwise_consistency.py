@@ -30,6 +30,7 @@ _LEVEL_SIGMA_RAD = 0.01
 _CLIQUES = 2  # the best, and the best of what it leaves
 _TIME_BUDGET_S = 1.0
 _PAIRS_AT_A_TIME = 20_000
+_ODOMETRY_YAW_RAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ def pairwise_consistency(
     if len(links) == 0:
         return None
     consistent = consistency(links, observations, trajectories, settings)
-    prior = Prior.of(observations, settings.height_sigma_m, knowledge == "heading")
+    prior = Prior.of(observations, settings, knowledge == "heading")
     states, chosen = [], []
     for clique in _cliques(consistent):
         kept = np.full(len(observations), -1)
@@ -114,7 +115,9 @@ def full_links(
     translation = observations.a[row] + w - se3.transform(turn, observations.b[row])
     states = np.column_stack([yaw, translation])
     sideways = observations.sigma[row, column] ** 2 + np.where(receives, 0.0, yaw_sigma**2)
-    vertical = np.where(observations.flat[row, column], settings.height_sigma_m**2, np.nan)
+    vertical = np.where(
+        observations.flat[row, column], (settings.height_ratio * observations.typical_distance_m) ** 2, np.nan
+    )
     in_a = _position_covariance(w, observations.near_range_sigma_m[row] ** 2, sideways, vertical)
     R_a_b = turn[:, :3, :3] @ trajectory_b.poses[observations.index_b[row], :3, :3]
     covariance = np.zeros((len(row), 6, 6))
@@ -132,8 +135,10 @@ def consistency(
 ) -> BoolArray:
     """`(L, L)` true where two links, through the odometry between them, close a loop."""
     first, second = np.triu_indices(len(links), 1)
-    different = links.row[first] != links.row[second]
-    first, second = first[different], second[different]
+    turned = _wrapped(links.state[first, 0] - links.state[second, 0])
+    yaw_variance = links.covariance[first, 2, 2] + links.covariance[second, 2, 2] + _ODOMETRY_YAW_RAD**2
+    possible = (links.row[first] != links.row[second]) & (turned**2 < 16 * yaw_variance)  # spares most of the loops
+    first, second = first[possible], second[possible]
     limit = chi2.ppf(settings.pcm_confidence, 3 if observations.flat.all() else 4)
     consistent = np.zeros((len(links), len(links)), bool)
     for start in range(0, len(first), _PAIRS_AT_A_TIME):
@@ -211,3 +216,7 @@ def _only(observations: Observations, kept: IntArray) -> Observations:
     rows = np.flatnonzero(kept >= 0)
     weight[rows, kept[rows]] = 1.0
     return observations.restricted(weight, np.where(kept >= 0, observations.range_m, np.nan))
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.observations import Observations
@@ -39,11 +40,14 @@ class Prior:
     height_sigma_m: float
 
     @classmethod
-    def of(cls, observations: Observations, height_sigma_m: float, use_headings: bool) -> Prior:
+    def of(cls, observations: Observations, settings: AlignmentSettings, use_headings: bool) -> Prior:
         """Prior of a set of observations; headings that repeat themselves do not add up."""
         known = np.isfinite(observations.yaw) & use_headings
         yaw = float(np.angle(np.exp(1j * observations.yaw[known]).sum())) if known.any() else np.nan
         sigma = float(np.median(observations.yaw_sigma[known])) if known.any() else np.nan
+        elevated = bool((~observations.flat & (observations.weight > 0)).any())  # then robots may well fly
+        level = settings.height_ratio * observations.typical_distance_m
+        height_sigma_m = settings.height_sigma_m if elevated else min(level, settings.height_sigma_m)
         return cls(yaw, sigma, 0.0, height_sigma_m)  # centred heights: equal on average is z = 0
 
     def log_density(self, states: FloatArray) -> FloatArray:
