@@ -85,9 +85,17 @@ def _relative(values: NDArray[Any], stamp_ns: int, first: Any, last: Any, ns_per
     beyond_zero = max(first, -last, 0) * unit_s
     beyond_stamp = max(first - stamp, stamp - last, 0) * unit_s
     if min(beyond_zero, beyond_stamp) > LONGEST_SWEEP_S:
-        return np.asarray((values - first) * unit_s)
+        return _seconds(values - first, ns_per_unit)
     if beyond_zero <= beyond_stamp:
-        return values if values.dtype.kind == "f" and ns_per_unit == _NS_PER_UNIT[0] else np.asarray(values * unit_s)
+        return _seconds(values, ns_per_unit)
+    after = _seconds(values - stamp, ns_per_unit)
     if values.dtype.kind == "i":
-        return np.asarray((values - stamp) * unit_s - (stamp_ns - stamp * ns_per_unit) * 1e-9)
-    return np.asarray((values - stamp) * unit_s)
+        after -= (stamp_ns - stamp * ns_per_unit) * 1e-9
+    return after
+
+
+def _seconds(ticks: NDArray[Any], ns_per_unit: int) -> FloatArray:
+    """Ticks in seconds; a new array only where something changes."""
+    if ticks.dtype.kind == "f" and ns_per_unit == _NS_PER_UNIT[0]:
+        return ticks
+    return np.asarray(ticks * (ns_per_unit * 1e-9))
