@@ -52,15 +52,17 @@ class GraphNodes:
             position: `(L, 3)` antenna positions in the odometry frame.
             settings: distances between nodes.
         """
-        between = _stations(trajectory, keyframe, settings)
-        all_keyframes = np.concatenate([keyframe, between])
-        # In order of time; of equal keyframes in the given order.
-        order = np.argsort(all_keyframes, kind="stable")
-        of_link = np.empty(len(order), np.int64)
-        of_link[order] = np.arange(len(order))
-        positions = np.concatenate([position, trajectory.positions[between]])
+        # Measurements of one instant share a node: both directions of a link, links to several robots.
+        places, of_link = np.unique(np.column_stack([keyframe, position]), axis=0, return_inverse=True)
+        linked = places[:, 0].astype(np.int64)
+        between = _stations(trajectory, linked, settings)
+        keyframes = np.concatenate([linked, between])
+        order = np.argsort(keyframes, kind="stable")
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.arange(len(order))
+        positions = np.concatenate([places[:, 1:], trajectory.positions[between]])
         drift = without_bias(trajectory.drift, float(trajectory.distance[-1]))
-        return cls(trajectory, drift, all_keyframes[order], positions[order], of_link[: len(keyframe)])
+        return cls(trajectory, drift, keyframes[order], positions[order], rank[of_link.reshape(-1)])
 
     def __len__(self) -> int:
         return len(self.keyframe)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular, solveh_banded
+from scipy.linalg import lapack, solveh_banded
 
 from wiclosure.types import FloatArray, IntArray
 
@@ -49,7 +49,8 @@ class JointCovariance:
         of_held = information[split:, split:] + information[split:, :split] @ response
         # With information L L^T the covariance is L^-T L^-1: L^-T is the factor.
         lower = np.linalg.cholesky(of_held)
-        factor_held = solve_triangular(lower, np.eye(len(lower)), lower=True).T
+        inverse, _ = lapack.dtrtri(lower, lower=True)
+        factor_held = np.ascontiguousarray(inverse.T)
         factor = np.empty((len(linked), 6, factor_held.shape[1]))
         factor[held] = factor_held.reshape(len(held), 6, len(lower))
         factor[free] = (response @ factor_held).reshape(len(free), 6, len(lower))
