@@ -79,7 +79,7 @@ def run(
     visualise: bool,
 ) -> None:
     """`wiclosure run`."""
-    from wiclosure.pipeline import pictures, run_folder, tables
+    from wiclosure.pipeline import illustrations, run_folder, tables
     from wiclosure.pipeline import run as running
 
     with _result_folder(out, overwrite=overwrite) as (folder, scratch):
@@ -88,7 +88,7 @@ def run(
         chosen = prepared.candidate_filter(config.use_filter)
         result = running.run(prepared, chosen, progress=working.progress)
         run_folder.write_run(scratch, result)
-        pictures.draw_run(scratch, result)
+        illustrations.illustrate_run(scratch, result)
     if working.as_json:
         typer.echo(json.dumps(result.metrics, indent=2))
     elif not working.quiet:
@@ -109,7 +109,7 @@ def compare(
     working: Working,
 ) -> None:
     """`wiclosure compare`."""
-    from wiclosure.pipeline import comparison, pictures, tables
+    from wiclosure.pipeline import comparison, illustrations, tables
     from wiclosure.pipeline import run as running
 
     with _result_folder(out, overwrite=overwrite) as (folder, scratch):
@@ -117,7 +117,7 @@ def compare(
         prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
         compared = comparison.compare(prepared, filters, progress=working.progress)
         comparison.write_comparison(scratch, compared)
-        pictures.draw_comparison(scratch, compared)
+        illustrations.illustrate_comparison(scratch, compared)
     if working.as_json:
         typer.echo(json.dumps(compared.metrics, indent=2))
     elif not working.quiet:
