@@ -134,7 +134,7 @@ def cycle_error(
     z_ik, z_jl = z.T_a_b[first], z.T_a_b[second]
     if legacy:
         return se3.log(z_ik @ x_ij @ se3.inverse(z_jl) @ x_lk)
-    return se3.log(se3.inverse(z_ik) @ x_ij @ z_jl @ x_lk)
+    return _cycle(z_ik, x_ij, z_jl, x_lk)
 
 
 def cycle_mahalanobis_squared(
@@ -152,7 +152,11 @@ def cycle_mahalanobis_squared(
     sigma = se3.compose_covariance(sigma, x_ij, a.relative_covariance(i, j))
     sigma = se3.compose_covariance(sigma, z.T_a_b[second], z.covariance[second])
     sigma = se3.compose_covariance(sigma, x_lk, b.relative_covariance(m, k))
-    return mahalanobis_squared(cycle_error(z, trajectories, first, second), sigma)
+    return mahalanobis_squared(_cycle(z.T_a_b[first], x_ij, z.T_a_b[second], x_lk), sigma)
+
+
+def _cycle(z_ik: FloatArray, x_ij: FloatArray, z_jl: FloatArray, x_lk: FloatArray) -> FloatArray:
+    return se3.log(se3.inverse(z_ik) @ x_ij @ z_jl @ x_lk)
 
 
 def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -63,11 +63,7 @@ def optimise(
     if not trajectories:
         raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
-    found = (
-        _two_stage(trajectories, sets, settings)
-        if settings.optimiser == "two-stage"
-        else _joint(trajectories, sets, settings)
-    )
+    found = _estimate(trajectories, sets, settings)
     kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
     verdicts = {row: (Decision.REJECTED, reason) for row, reason in unusable.items()}
     for z, mask in zip(sets, found.believed, strict=True):
@@ -88,23 +84,36 @@ def optimise(
     return result
 
 
-def _joint(
+def _estimate(
     trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
 ) -> _Estimate:
-    """First decide on the closures, then solve for all keyframes with the believed ones."""
+    """By the chosen optimiser; where that fails numerically, only the rigid start, and a sentence that says so."""
     frames = initial_frames(trajectories, sets)
     rigid = {r: frames[r] @ t.poses for r, t in trajectories.items()}
     try:
-        masks, poses = _decide(trajectories, sets, rigid, settings)
-        kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
-        start = _reset_unconnected(trajectories, kept, poses)
-        graph = _final_graph(trajectories, kept, components(list(trajectories), kept), start)
-        return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories))
+        if settings.optimiser == "joint":
+            return _joint(trajectories, sets, rigid, settings)
+        masks, frames = placed_in_two_stages(trajectories, sets, settings)
+        return _Estimate(masks, {r: frames[r] @ t.poses for r, t in trajectories.items()})
     except RuntimeError as error:  # GTSAM's own, thrown for indeterminate systems
-        logger.debug("joint estimate failed", exc_info=True)
+        logger.debug("the estimate failed", exc_info=True)
         first_line = str(error).strip().partition("\n")[0]
-        sentence = f"the joint estimate failed ({first_line}); trajectories are placed rigidly, drift stays in"
+        sentence = f"the estimate failed ({first_line}); trajectories are placed rigidly, drift stays in"
         return _Estimate([np.ones(len(z), bool) for z in sets], rigid, (sentence,))
+
+
+def _joint(
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    rigid: Mapping[str, FloatArray],
+    settings: PoseGraphSettings,
+) -> _Estimate:
+    """First decide on the closures, then solve for all keyframes with the believed ones."""
+    masks, poses = _decide(trajectories, sets, rigid, settings)
+    kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
+    start = _reset_unconnected(trajectories, kept, poses)
+    graph = _final_graph(trajectories, kept, components(list(trajectories), kept), start)
+    return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories))
 
 
 def _decide(
@@ -129,13 +138,6 @@ def _decide(
         solved = np.stack([values.atPose3(keys(robot, n)).matrix() for n in nodes[robot]])
         poses[robot] = carried(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
     return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
-
-
-def _two_stage(
-    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
-) -> _Estimate:
-    masks, frames = placed_in_two_stages(trajectories, sets, settings)
-    return _Estimate(masks, {r: frames[r] @ t.poses for r, t in trajectories.items()})
 
 
 def _final_graph(
