@@ -60,7 +60,7 @@ def kitti_ground_truth(folder: Path, robot: str) -> Trajectory | None:
     if T_camera_lidar is not None:
         T_world_lidar = se3.inverse(T_camera_lidar) @ T_world_lidar @ T_camera_lidar
     latest_ns = np.maximum.accumulate(source.stamps_ns)
-    keep = np.concatenate([[True], source.stamps_ns[1:] > latest_ns[:-1]])  # the scans that `CheckedSource` uses
+    keep = np.concatenate([[True], source.stamps_ns[1:] > latest_ns[:-1]])  # the scans that odometry uses
     return Trajectory(robot, source.stamps_ns[keep], T_world_lidar[keep])
 
 

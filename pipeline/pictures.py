@@ -24,14 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from wiclosure.pipeline.comparison import Comparison
-    from wiclosure.pipeline.run import RunResult
 
 INK, FAINT = "#222222", "#9a9a9a"
 MISSED, WASTED, FOUND = "#f2b48c", "#c9d3da", "#0072b2"  # true but not kept, kept but false, true and kept
 CLOSURE = "#d55e00"
 DPI = 150
-MATRICES = 3  # robot pairs whose candidates are drawn; five robots have ten
 
 
 def draw_trajectories(
@@ -176,55 +173,6 @@ def draw_arms(path: Path, arms: Mapping[str, Metrics]) -> None:
     funnel.set_title("what is left after each stage")
     funnel.legend(frameon=False, loc="upper right")
     _save(figure, path)
-
-
-def draw_run(folder: Path, result: RunResult) -> None:
-    """`trajectories.png`, and `candidates_A_B.png` for the pairs of robots with most kept candidates.
-
-    Raises:
-        OutputError: a picture cannot be written.
-    """
-    settings, solution = result.config.evaluation, result.solution
-    draw_trajectories(
-        folder / "trajectories.png",
-        odometry={robot: front.odometry for robot, front in result.fronts.items()},
-        merged=result.merged,
-        keyframes=solution.graph.trajectories,
-        closures=solution.closures,
-        components=solution.graph.components,
-        truth=result.inputs.ground_truth,
-        gap_s=settings.ground_truth_gap_s,
-    )
-    _draw_matrices(folder, {solution.filtered.filter_name: result})
-
-
-def draw_comparison(folder: Path, comparison: Comparison) -> None:
-    """`comparison.png`, `candidates_A_B.png` with a panel an arm, and each arm's own pictures in its folder.
-
-    Raises:
-        OutputError: a picture cannot be written.
-    """
-    draw_arms(folder / "comparison.png", comparison.metrics)
-    _draw_matrices(folder, comparison.arms)
-    for name, result in comparison.arms.items():
-        draw_run(folder / name, result)
-
-
-def _draw_matrices(folder: Path, arms: Mapping[str, RunResult]) -> None:
-    """The matrices of the robot pairs with most candidates, one panel an arm."""
-    kept = {name: {(p.robot_a, p.robot_b): p for p in r.solution.filtered.pairs} for name, r in arms.items()}
-    result = next(iter(arms.values()))
-    robot_pairs = sorted(next(iter(kept.values())), key=lambda pair: -max(len(pairs[pair]) for pairs in kept.values()))
-    for a, b in robot_pairs[:MATRICES]:
-        draw_candidates(
-            folder / f"candidates_{a}_{b}.png",
-            {name: pairs[a, b] for name, pairs in kept.items()},
-            keyframes={robot: front.keyframes for robot, front in result.fronts.items()},
-            closures={name: r.solution.closures for name, r in arms.items()},
-            truth=result.inputs.ground_truth,
-            radius_m=result.config.evaluation.overlap_radius_m,
-            gap_s=result.config.evaluation.ground_truth_gap_s,
-        )
 
 
 # ------------------------------------------------------------------------------------------------------- trajectories

@@ -13,7 +13,7 @@ class ScanSource(Protocol):
     """A recording of one LiDAR, read one scan at a time.
 
     Iterating twice gives the same scans twice.  A source yields what it finds; empty scans and stamps out of order are
-    handled in one place for all sources (`wiclosure.pipeline.sources.checked`).
+    left out, counted and reported in one place for all sources (`wiclosure.frontends.front_end`).
     """
 
     @property

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wiclosure.errors import InputError
+from wiclosure.pipeline.cache import StageCache
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.dataset_writer import write_kitti_folder
+from wiclosure.pipeline.inputs import RobotInput, open_inputs
+from wiclosure.pipeline.odometry_stage import front_ends, left_out
+from wiclosure.pipeline.progress import NoProgress
+from wiclosure.types import Scan
+
+
+class Listed:
+    """Scans from memory; says how many are announced."""
+
+    def __init__(self, scans: Sequence[Scan], announced: int) -> None:
+        self._scans, self._announced = scans, announced
+        self.description = "list"
+
+    def __len__(self) -> int:
+        return self._announced
+
+    def __iter__(self) -> Iterator[Scan]:
+        return iter(self._scans)
+
+
+def room(seed: int, n: int = 2000) -> np.ndarray:
+    """Points on the walls of a box."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1, 1, (n, 3)) * [10, 8, 3]
+    wall = rng.integers(0, 3, n)
+    points[np.arange(n), wall] = np.sign(points[np.arange(n), wall]) * np.array([10, 8, 3])[wall]
+    return points
+
+
+SCANS = [Scan(10**9 + k * 10**8, room(k)) for k in range(5)]
+
+
+def robot(scans: Sequence[Scan], announced: int | None = None, name: str = "alpha") -> RobotInput:
+    listed = Listed(scans, announced or len(scans))
+    return RobotInput(name, listed, [name, [s.stamp_ns for s in scans]], None)
+
+
+def run(robots: Sequence[RobotInput], cache: Path | None = None) -> tuple[list[int], tuple[str, ...]]:
+    fronts, reused = front_ends(robots, Config(), cache=StageCache(cache), jobs=1, progress=NoProgress())
+    return [len(front.odometry) for front in fronts.values()], reused
+
+
+def test_unusable_scans_are_skipped_and_counted() -> None:
+    empty = replace(SCANS[2], points=np.zeros((0, 3)))
+    back = replace(SCANS[3], stamp_ns=SCANS[0].stamp_ns)
+    again = replace(SCANS[3], stamp_ns=SCANS[1].stamp_ns)
+    source = robot([SCANS[0], SCANS[1], again, empty, back, SCANS[4]], announced=7)
+    fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    assert fronts["alpha"].odometry.stamps_ns.tolist() == [SCANS[k].stamp_ns for k in (0, 1, 4)]
+    assert left_out(source, fronts["alpha"]) == (
+        "alpha: 1 of 6 scans have too few points in range and were skipped",
+        "alpha: 2 of 6 scans have stamps that repeat or go back and were skipped",
+        "alpha: only 6 of 7 announced scans could be read",
+    )
+
+
+def test_nothing_is_said_of_a_whole_recording() -> None:
+    source = robot(SCANS)
+    fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    assert left_out(source, fronts["alpha"]) == ()
+
+
+def test_no_usable_scan_names_the_robot() -> None:
+    with pytest.raises(InputError, match="alpha"):
+        run([robot([Scan(0, np.zeros((0, 3)))])])
+
+
+def test_finished_robots_are_not_computed_again(tmp_path: Path) -> None:
+    alpha, beta = robot(SCANS), robot(SCANS[:3], name="beta")
+    assert run([alpha], tmp_path) == ([5], ())
+    assert run([alpha, beta], tmp_path) == ([5, 3], ("alpha",))
+
+
+def test_processes_give_the_same_result(tmp_path: Path) -> None:
+    data = []
+    for name in ("alpha", "beta"):
+        write_kitti_folder(tmp_path / name, SCANS)
+        data.append(f"{name}={tmp_path / name}")
+    robots = open_inputs(data).robots
+    alone, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=2, progress=NoProgress())
+    for name, front in alone.items():
+        np.testing.assert_allclose(together[name].odometry.poses, front.odometry.poses, atol=1e-9)
