@@ -101,7 +101,9 @@ class RegistrationSettings(Settings):
     max_fitness_m2: float = Field(
         5.0, gt=0, description="m^2, mean squared distance that point-to-point accepts (DiSCo-SLAM: 3 park, 5 KITTI)"
     )
-    num_threads: int = Field(2, ge=1, description="threads of one registration")
+    num_threads: int = Field(
+        1, ge=1, description="of one registration; more than one waste time wherever something else wants the cores"
+    )
     cached_clouds: int = Field(64, ge=2, description="prepared keyframes kept at hand, some 5 MB each")
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
+from kiss_icp.preprocess import Preprocessor
 
+from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import FloatArray, Scan
@@ -17,17 +19,24 @@ logger = logging.getLogger(__name__)
 
 _NO_TIMES = np.zeros(0)
 
+# Stamps jitter: a sweep within this share of the time between scans is taken to fill it, as KISS-ICP assumes.
+_JITTER = 0.25
+
 
 class KissOdometry:
     """Follows one sensor with KISS-ICP (Vizzo et al., RA-L 2023).
 
     KISS-ICP maps the times of a scan's points linearly from [first, last] to [0, 1] and deskews to 1: a deskewed cloud,
     and its pose, belong to the instant of the *last* point.  Without times they belong to the scan's own stamp.
+
+    It also takes the sweep to last from one scan to the next.  In a recording that was thinned or that lost scans it
+    does not, and the deskewing would overshoot: here the motion is scaled to the true duration of the sweep.
     """
 
     def __init__(self, settings: OdometrySettings | None = None) -> None:
         self._settings = settings or OdometrySettings()
         self._kiss: KissICP | None = None
+        self._last_stamps_ns: tuple[int, ...] = ()
         self.voxel_size_m = self._settings.voxel_size_m or float("nan")
 
     def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
@@ -39,9 +48,11 @@ class KissOdometry:
         """
         if self._kiss is None:
             self._kiss = self._start(scan)
-        times = self._sweep_times(scan)
+        times, stamp_ns = self._sweep_times(scan), self.pose_stamp_ns(scan)
+        self._kiss.preprocessor.motion_share = self._motion_share(times)
         points, _ = self._kiss.register_frame(scan.points, times)
-        return self.pose_stamp_ns(scan), np.array(self._kiss.last_pose), points
+        self._last_stamps_ns = (*self._last_stamps_ns[-1:], stamp_ns)
+        return stamp_ns, np.array(self._kiss.last_pose), points
 
     def pose_stamp_ns(self, scan: Scan) -> int:
         """The instant to which the pose of this scan will belong."""
@@ -60,15 +71,39 @@ class KissOdometry:
             return _NO_TIMES
         return scan.times
 
+    def _motion_share(self, times: FloatArray) -> float:
+        """What share of the last motion between two scans happens during a sweep of these times."""
+        if len(times) == 0 or len(self._last_stamps_ns) < 2:
+            return 1.0
+        interval_s = (self._last_stamps_ns[1] - self._last_stamps_ns[0]) * 1e-9
+        share = float(np.ptp(times)) / max(interval_s, 1e-6)
+        return 1.0 if abs(share - 1.0) < _JITTER else min(share, 1.0)
+
     def _start(self, first: Scan) -> KissICP:
         settings = self._settings
         if settings.voxel_size_m is None:
             self.voxel_size_m = voxel_size_m(first.points)
         logger.debug("odometry: voxels of %.3f m", self.voxel_size_m)
-        return KissICP(
+        kiss = KissICP(
             KISSConfig(
                 data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
                 mapping=MappingConfig(voxel_size=self.voxel_size_m),
                 registration=RegistrationConfig(max_num_threads=settings.num_threads),
             )
         )
+        kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
+        return kiss
+
+
+class _SweepPreprocessor:
+    """KISS-ICP's deskewing and range limits, with the motion scaled to what happens during the sweep."""
+
+    def __init__(self, preprocessor: Preprocessor) -> None:
+        self._preprocessor = preprocessor
+        self.motion_share = 1.0
+
+    def preprocess(self, points: FloatArray, times: FloatArray, T_last_now: FloatArray) -> FloatArray:
+        """Points `(N, 3)` in, those within range at the instant of the last point out."""
+        if self.motion_share != 1.0:
+            T_last_now = se3.exp(self.motion_share * se3.log(T_last_now))
+        return np.asarray(self._preprocessor.preprocess(points, times, T_last_now))
