@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, NoReturn, cast
 
 import typer
 
@@ -20,6 +20,9 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+
+INTERRUPTED = 130
+"""What Typer makes of Ctrl-C, as shells do: 128 and the signal's number."""
 
 Data = Annotated[
     list[str],
@@ -238,22 +241,22 @@ def main() -> None:
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
     try:
-        sys.exit(app(sys.argv[1:] or ["--help"], standalone_mode=False))
-    except typer.Exit as exit_:
-        sys.exit(exit_.exit_code)
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except usage_error as error:
         _fail(f"{cast('typer.BadParameter', error).format_message()} (see wiclosure --help)")
     except WiclosureError as error:
         _fail(str(error))
-    except (KeyboardInterrupt, typer.Abort):
-        typer.echo("interrupted; finished stages are kept, the same command goes on from them", err=True)
-        sys.exit(130)
     except BrokenPipeError:  # `wiclosure ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        code = 0
+    except OSError as error:
+        _fail(f"{error.filename or 'a file'}: {error.strerror or error}")
+    if code == INTERRUPTED:
+        typer.echo("interrupted; finished stages are kept, the same command goes on from them", err=True)
+    sys.exit(code)
 
 
-def _fail(message: str) -> None:
+def _fail(message: str) -> NoReturn:
     typer.echo(f"wiclosure: error: {' '.join(message.split())}", err=True)
     sys.exit(1)
 

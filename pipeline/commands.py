@@ -195,8 +195,8 @@ def evaluate(folder: Path, *, as_json: bool) -> None:
     from wiclosure.pipeline.run_folder import read_metrics, read_trajectories
     from wiclosure.pipeline.tables import trajectory_table
 
-    config = configuration(str(folder / "config.yaml"), None)
     components = [component["robots"] for component in read_metrics(folder)["components"]]
+    config = configuration(str(folder / "config.yaml"), None)
     merged, truth = read_trajectories(folder)
     errors = evaluate_trajectories(merged, components, truth, config.evaluation)
     if as_json:
