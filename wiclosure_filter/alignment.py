@@ -17,7 +17,9 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.ambiguity import judge
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
+from wiclosure.wiclosure_filter.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.links import Links, links_between
+from wiclosure.wiclosure_filter.mixture import Explanation
 from wiclosure.wiclosure_filter.observations import Observations
 from wiclosure.wiclosure_filter.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.refinement import explained
@@ -50,7 +52,7 @@ def align(
         wireless: the whole log; `paths_kept` of the result refers to its measurements.
         settings: what is believed of the radio, how hard to search, when to refuse.
     """
-    links = links_between(robot_a, robot_b, trajectories, wireless, settings)
+    links = links_between(robot_a, robot_b, trajectories, wireless, settings).thinned(settings.max_measurements)
     if len(links) == 0:
         return _unknown(links, "no measurement between the robots")
     observations = Observations.of(links, settings)
@@ -62,14 +64,16 @@ def align(
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
     verdict = judge(found.peaks, found.mixture, found.prior, settings)
+    best, covariance = _settled(found, verdict.best, links, both, settings)
+    runner_up = None if verdict.runner_up is None else _settled(found, verdict.runner_up, links, both, settings)[0]
     return FrameAlignment(
         robot_a=robot_a,
         robot_b=robot_b,
-        best=_hypothesis(found, verdict.best, links),
-        covariance=tangent_covariance(found.peaks.states[verdict.best], verdict.covariance, observations),
+        best=best,
+        covariance=covariance,
         ambiguous=verdict.ambiguous,
         reason="; ".join((verdict.reason, *links.left_out)),
-        runner_up=None if verdict.runner_up is None else _hypothesis(found, verdict.runner_up, links),
+        runner_up=runner_up,
         heading_knowledge=knowledge,
     )
 
@@ -99,21 +103,35 @@ def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
     return partner
 
 
-def _hypothesis(found: AnchoredPeaks, row: int, links: Links) -> AlignmentHypothesis:
-    state = found.peaks.states[row]
-    explanation = explained(state, found.mixture)
-    each = np.arange(len(links))
-    direct, ranged = explanation.direct(), explanation.ranged()
-    if found.chosen is not None:  # the method decides for itself
-        direct = found.chosen[row]
-        ranged = direct >= 0
-    kept = (direct >= 0) | (ranged & links.has_range)
-    path = np.where(direct >= 0, links.path[each, direct], -1)
-    return AlignmentHypothesis(
-        T_a_b=found.mixture.observations.frame_transform(state),
-        log_likelihood=float(explanation.log_likelihood[0] @ found.mixture.observations.independence),
-        paths_kept=tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], path[kept], strict=True)),
+def _settled(
+    found: AnchoredPeaks,
+    row: int,
+    links: Links,
+    trajectories: tuple[Trajectory, Trajectory],
+    settings: AlignmentSettings,
+) -> tuple[AlignmentHypothesis, FloatArray]:
+    """A peak, followed through the drift of both robots where that matters, and its covariance `(6, 6)`."""
+    observations = found.mixture.observations
+    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
+    covariance = np.linalg.inv(found.peaks.information[row] + 1e-9 * np.trace(found.peaks.information[row]) * np.eye(4))
+    if found.chosen is None and drift_matters(found.drift, observations):
+        frames = follow_drift(state, found.mixture, found.drift, found.prior, trajectories, settings)
+        state, explanation, covariance = frames.state, frames.explanation, frames.covariance
+    hypothesis = AlignmentHypothesis(
+        T_a_b=observations.frame_transform(state),
+        log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),
+        paths_kept=_paths_kept(explanation, links, None if found.chosen is None else found.chosen[row]),
     )
+    return hypothesis, tangent_covariance(state, covariance, observations)
+
+
+def _paths_kept(explanation: Explanation, links: Links, chosen: IntArray | None) -> tuple[tuple[int, int], ...]:
+    """The direct path of each measurement, -1 for a range without one; as `chosen (M,)` by a method, or most likely."""
+    direct = explanation.direct() if chosen is None else chosen
+    ranged = explanation.ranged() & links.has_range if chosen is None else direct >= 0
+    kept = (direct >= 0) | ranged
+    path = np.where(direct >= 0, links.path[np.arange(len(links)), direct], -1)
+    return tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], path[kept], strict=True))
 
 
 def tangent_covariance(state: FloatArray, covariance: FloatArray, observations: Observations) -> FloatArray:

@@ -81,13 +81,16 @@ class AlignmentSettings(Settings):
     height_ratio: float = Field(
         0.1,
         gt=0.0,
-        description="the same prior over the distance, as roads are not steep; not where elevations are measured",
+        description="the same prior over the distance, as roads are not steep; not where the radio tells heights",
     )
     tilt_sigma_rad: float = Field(
         0.3, gt=0.0, description="rad; prior on roll and pitch between the frames, where gravity_aligned is false"
     )
     drift_inflation: float = Field(
         1.5, gt=0.0, description="factor on the odometry's standard deviations, since drift models are optimistic"
+    )
+    max_measurements: int = Field(
+        400, ge=8, description="measurements of a pair of robots that are looked at; denser ones repeat each other"
     )
     proposals: int = Field(6_000, ge=100, description="frame transforms that are scored, at most")
     pcm_confidence: float = Field(

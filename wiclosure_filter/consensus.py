@@ -35,12 +35,14 @@ class AnchoredPeaks:
         peaks: N peaks.
         mixture: likelihood of the measurements.
         prior: what was known before.
+        drift: standard deviations `(M,)` that the mixture allows for, see `observations.drift_from`.
         chosen: `(M,)` for each peak, the path kept of each measurement or -1, where the method decides that itself.
     """
 
     peaks: Peaks
     mixture: Mixture
     prior: Prior
+    drift: tuple[FloatArray, FloatArray]
     chosen: tuple[IntArray, ...] | None = None
 
 
@@ -69,7 +71,7 @@ def consensus(
             drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
             mixture = Mixture.of(observations, settings.radio, drift)
             peaks = climb(_promising(states, mixture, prior), mixture, prior)
-            found.append(AnchoredPeaks(peaks.distinct(observations), mixture, prior))
+            found.append(AnchoredPeaks(peaks.distinct(observations), mixture, prior, drift))
     return _joined(found)
 
 
@@ -80,7 +82,7 @@ def _joined(found: list[AnchoredPeaks]) -> AnchoredPeaks | None:
     best = max(found, key=lambda one: float(one.peaks.log_posterior[0]))
     states = np.concatenate([one.peaks.states for one in found])
     peaks = climb(states, best.mixture, best.prior).distinct(best.mixture.observations)
-    return AnchoredPeaks(peaks, best.mixture, best.prior)
+    return AnchoredPeaks(peaks, best.mixture, best.prior, best.drift)
 
 
 def _anchors(observations: Observations) -> list[tuple[int, IntArray]]:

@@ -15,7 +15,7 @@ For factors between keyframes, `antenna_keyframe_a` is the antenna in the body f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.headings import OdometryHeading, odometry_headings
 
 BoolArray = NDArray[np.bool_]
+_NEIGHBOURS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,21 @@ class Links:
 
     def __len__(self) -> int:
         return len(self.measurement)
+
+    def subset(self, rows: IntArray) -> Links:
+        """The measurements at `rows`."""
+        whole = {"robot_a", "robot_b", "left_out"}
+        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in whole})
+
+    def thinned(self, most: int) -> Links:
+        """At most so many measurements, evenly over the time; neighbours stay together: one may range, one bear."""
+        if len(self) <= most:
+            return self
+        order = np.argsort(self.stamp_a_ns, kind="stable")
+        starts = np.linspace(0, len(self) - _NEIGHBOURS, most // _NEIGHBOURS).astype(np.int64)
+        rows = np.sort(order[np.unique(starts[:, None] + np.arange(_NEIGHBOURS))])
+        sentence = f"{len(rows)} of {len(self)} measurements were looked at, evenly over the time"
+        return replace(self.subset(rows), left_out=(*self.left_out, sentence))
 
     @property
     def has_range(self) -> BoolArray:
@@ -141,7 +157,7 @@ def _gather(
     if not inside.all():
         inner = _gather(robot_a, robot_b, rows[inside], trajectories, wireless, settings)
         lost = f"{int((~inside).sum())} of {len(rows)} measurements lie outside the trajectories' time"
-        return Links(**{**inner.__dict__, "left_out": (lost, *inner.left_out)})
+        return replace(inner, left_out=(lost, *inner.left_out))
     headings = odometry_headings(trajectories, wireless, (robot_a, robot_b))
     use_yaw = settings.heading in {"auto", "heading"}
     sides = [

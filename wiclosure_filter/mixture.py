@@ -11,7 +11,7 @@ are relative to "this measurement says nothing": 0 is a measurement that might a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,12 +34,14 @@ class Mixture:
         radio: what is believed of the radio.
         kappa: `(M, K)` concentration of each path, drift included.
         range_variance: `(M,)` m^2, drift included; infinite without a range.
+        tells_height: whether the robots' difference in height is estimated at all.
     """
 
     observations: Observations
     radio: RadioSettings
     kappa: FloatArray
     range_variance: FloatArray
+    tells_height: bool
 
     @classmethod
     def of(
@@ -51,11 +53,16 @@ class Mixture:
         bearing_drift = yaw**2 + (position / np.maximum(distance, 1.0)) ** 2
         kappa = 1.0 / (observations.sigma**2 + bearing_drift[:, None])
         variance = np.where(np.isfinite(observations.range_m), observations.range_sigma_m**2 + position**2, np.inf)
-        return cls(observations, radio, kappa, variance)
+        return cls(observations, radio, kappa, variance, observations.tells_height)
 
     def subset(self, rows: IntArray) -> Mixture:
         """The mixture of the measurements at `rows` only."""
-        return Mixture(self.observations.subset(rows), self.radio, self.kappa[rows], self.range_variance[rows])
+        return replace(
+            self,
+            observations=self.observations.subset(rows),
+            kappa=self.kappa[rows],
+            range_variance=self.range_variance[rows],
+        )
 
     def log_likelihood(self, states: FloatArray) -> FloatArray:
         """Log-likelihoods `(N,)` of N states `(N, 4)`."""
@@ -141,6 +148,12 @@ class Explanation:
     path: FloatArray
     in_sight: FloatArray
     obstructed: FloatArray
+
+    def subset(self, rows: IntArray) -> Explanation:
+        """What explains the measurements at `rows`."""
+        return Explanation(
+            self.log_likelihood[:, rows], self.path[:, rows], self.in_sight[:, rows], self.obstructed[:, rows]
+        )
 
     def direct(self) -> IntArray:
         """`(M,)` the path that more likely than not is the direct one, or -1; of the first state."""

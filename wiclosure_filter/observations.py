@@ -16,6 +16,8 @@ from wiclosure.types import FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.links import BoolArray, Links
 
+_CLIMBING = 0.2  # height over distance from which ranges tell heights; below, they tell as little as a mirror
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:
@@ -35,6 +37,7 @@ class Observations:
         near_range_m: `(M,)` distance of the antennas, measured or borrowed; NaN where nothing near in time was ranged.
         near_range_sigma_m: `(M,)`.
         index_a, index_b: `(M,)` keyframes.
+        stamp_ns: `(M,)` time at a.
     """
 
     a: FloatArray
@@ -56,6 +59,7 @@ class Observations:
     near_range_sigma_m: FloatArray
     index_a: IntArray
     index_b: IntArray
+    stamp_ns: IntArray
 
     def __len__(self) -> int:
         return len(self.a)
@@ -89,6 +93,7 @@ class Observations:
             near_range_sigma_m=near_sigma,
             index_a=links.index_a,
             index_b=links.index_b,
+            stamp_ns=links.stamp_a_ns,
         )
 
     @property
@@ -102,6 +107,13 @@ class Observations:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]
         return max(float(np.median(near)) if len(near) else float(np.hypot(*self.extents_m)), 1.0)
+
+    @property
+    def tells_height(self) -> bool:
+        """True where elevations were measured, or ranges between robots that go up and down."""
+        elevated = (~self.flat & (self.weight > 0)).any()
+        climbed = max(np.ptp(self.a[:, 2]), np.ptp(self.b[:, 2]))
+        return bool(elevated or climbed > _CLIMBING * self.typical_distance_m)
 
     def subset(self, rows: IntArray) -> Observations:
         """The measurements at `rows`, about the same centres."""

@@ -82,9 +82,9 @@ def pairwise_consistency(
         states.append(climb(links.state[clique[:1]], only, prior).states[0])
         chosen.append(kept)
         if len(states) == 1:
-            mixture = Mixture.of(observations, settings.radio, drift)
+            mixture, drift_of_best = Mixture.of(observations, settings.radio, drift), drift
     peaks = Peaks.at(np.array(states), mixture, prior)
-    return AnchoredPeaks(peaks, mixture, prior, tuple(chosen))
+    return AnchoredPeaks(peaks, mixture, prior, drift_of_best, tuple(chosen))
 
 
 def full_links(

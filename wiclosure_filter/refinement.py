@@ -45,9 +45,8 @@ class Prior:
         known = np.isfinite(observations.yaw) & use_headings
         yaw = float(np.angle(np.exp(1j * observations.yaw[known]).sum())) if known.any() else np.nan
         sigma = float(np.median(observations.yaw_sigma[known])) if known.any() else np.nan
-        elevated = bool((~observations.flat & (observations.weight > 0)).any())  # then robots may well fly
         level = settings.height_ratio * observations.typical_distance_m
-        height_sigma_m = settings.height_sigma_m if elevated else min(level, settings.height_sigma_m)
+        height_sigma_m = settings.height_sigma_m if observations.tells_height else min(level, settings.height_sigma_m)
         return cls(yaw, sigma, 0.0, height_sigma_m)  # centred heights: equal on average is z = 0
 
     def log_density(self, states: FloatArray) -> FloatArray:
@@ -216,6 +215,8 @@ def residual_rows(w: FloatArray, yaw: FloatArray, mixture: Mixture) -> ResidualR
     by_yaw[:, back, 0] = -1.0
     by_w = _derivative_by_displacement(w, flat_distance, distance)
     by_w[:, back, 1] *= -1.0
+    if not mixture.tells_height:
+        by_w[..., 2] = 0.0  # or the height would settle above or below by chance, and shift the rest
     return ResidualRows(explanation.log_likelihood, residual, weight, by_w, by_yaw)
 
 

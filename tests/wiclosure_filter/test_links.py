@@ -127,3 +127,15 @@ def test_headings_are_averaged_without_getting_surer() -> None:
     assert links.yaw_sigma[0] == pytest.approx(0.05 * np.sqrt(2))
     far = links_between("a", "b", odometry, WirelessLog((heard(15),), headings[:3]), SETTINGS)
     assert np.isnan(far.yaw[0])
+
+
+def test_thinning_keeps_neighbours_together_over_all_the_time() -> None:
+    _, _, odometry = robots(0)
+    log = WirelessLog(tuple(heard(29 * k / 999) for k in range(1000)))
+    links = links_between("a", "b", odometry, log, SETTINGS)
+    thin = links.thinned(100)
+    assert 90 <= len(thin) <= 100
+    assert thin.measurement[[0, 1, 2, 3]].tolist() == [0, 1, 2, 3]
+    assert thin.measurement[-1] == 999
+    assert "of 1000 measurements" in thin.left_out[0]
+    assert links.thinned(1000) is links
