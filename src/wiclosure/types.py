@@ -414,8 +414,8 @@ class Evidence:
         scan_context_yaw: rad, yaw of the match's body in the query's body.
         overlap_probability: from the filter.
         prior_chi2: squared Mahalanobis distance of the registration from the filter's prediction.
-        inliers: number of matched points after registration.
-        inlier_ratio: share of the smaller cloud's points that matched.
+        inliers: number of matched points after registration, level ground left out.
+        inlier_ratio: share of the points that matched, mean over both clouds, level ground left out.
         rms_m: root mean square of the distances of matched points.
         consistent_with: how many other closures of the robot pair agree (PCM degree).
     """
