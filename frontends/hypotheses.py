@@ -9,6 +9,7 @@ from wiclosure.types import FloatArray
 
 _REACH_VOXELS = 6.0
 _REACH_YAW_RAD = 0.3
+_UNKNOWN_YAW_RAD = 1.0
 _SPREAD = 1.5
 
 
@@ -28,8 +29,8 @@ def around_prediction(
     """Starts `(S, 4, 4)` at the predicted pose and, where it is vague, around it.
 
     One step of 1.5 standard deviations to either side along each direction in which the prediction is vaguer than the
-    reach of the coarsest registration: two principal axes of the position, and the yaw.  Scan context's yaw is tried at
-    the predicted position where the prediction leaves room for it.
+    reach of the coarsest registration: two principal axes of the position, and the yaw, which is tried all around where
+    it is as good as unknown.  Scan context's yaw is tried at the predicted position where the prediction leaves room.
     """
     steps = [np.zeros(6)]
     variances, axes = np.linalg.eigh(covariance[3:, 3:])
@@ -38,11 +39,16 @@ def around_prediction(
             step = np.concatenate([np.zeros(3), _SPREAD * np.sqrt(variance) * axis])
             steps += [step, -step]
     sigma_yaw_rad = float(np.sqrt(covariance[2, 2]))
-    if sigma_yaw_rad > _REACH_YAW_RAD:
-        step = np.array([0.0, 0.0, min(_SPREAD * sigma_yaw_rad, 0.5 * np.pi), 0.0, 0.0, 0.0])
-        steps += [step, -step]
+    if sigma_yaw_rad > _UNKNOWN_YAW_RAD:
+        steps += [_turn(angle) for angle in np.arange(1, 8) * np.pi / 4]
+    elif sigma_yaw_rad > _REACH_YAW_RAD:
+        steps += [_turn(_SPREAD * sigma_yaw_rad), _turn(-_SPREAD * sigma_yaw_rad)]
     turn = scan_context_yaw_rad - float(se3.yaw(T_query_match))
     turn = float(np.arctan2(np.sin(turn), np.cos(turn)))
     if np.isfinite(turn) and 0.1 < abs(turn) < 3.0 * sigma_yaw_rad + 0.1:
-        steps.append(np.array([0.0, 0.0, turn, 0.0, 0.0, 0.0]))
+        steps.append(_turn(turn))
     return np.asarray(T_query_match @ se3.exp(np.array(steps)))
+
+
+def _turn(angle_rad: float) -> FloatArray:
+    return np.array([0.0, 0.0, angle_rad, 0.0, 0.0, 0.0])

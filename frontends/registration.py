@@ -10,8 +10,9 @@ from scipy import stats
 from wiclosure import se3
 from wiclosure.frontends import hypotheses
 from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.frontends.measurement import Measurement
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
-from wiclosure.frontends.registration_methods import METHODS, Measurement
+from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Closure, Decision, Float32Array, FloatArray
 

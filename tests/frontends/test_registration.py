@@ -203,3 +203,6 @@ def test_a_sure_prediction_is_one_start_and_a_vague_one_is_searched_around() -> 
     assert {round(x, 6) for x in along} == {0.0, 12.0, -12.0}
     turns = [float(se3.yaw(se3.between(TRUTH, start))) for start in starts]
     assert {round(x, 6) for x in turns} == {0.0, 0.75, -0.75, 1.0}
+    lost = np.diag(np.square([0.01, 0.01, 2.0, 0.5, 0.5, 0.1]))
+    yaws = np.sort(se3.yaw(around_prediction(TRUTH, lost, float("nan"), 0.5)))
+    np.testing.assert_allclose(np.diff(yaws), np.pi / 4)
