@@ -53,6 +53,10 @@ Wireless = Annotated[
     list[Path] | None,
     typer.Option("--wireless", "-w", help="wireless log (JSON Lines), besides those of the data set"),
 ]
+FilterName = Annotated[
+    str | None,
+    typer.Option("--filter", "-f", help="wiclosure, none, range-gate, oracle, random", show_default=False),
+]
 Scans = Annotated[int | None, typer.Option("-n", "--n-scans", min=1, help="read only so many scans of each robot")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", min=1, help="processes for odometry, one robot each")]
 Seed = Annotated[int | None, typer.Option("--seed", help="seed of everything random")]
@@ -66,10 +70,7 @@ Json = Annotated[bool, typer.Option("--json", help="print the metrics as JSON in
 @app.command()
 def run(
     data: Data,
-    filter_name: Annotated[
-        str | None,
-        typer.Option("--filter", "-f", help="wiclosure, none, range-gate, oracle, random", show_default=False),
-    ] = None,
+    filter_name: FilterName = None,
     out: Out = None,
     overwrite: Overwrite = False,
     config: ConfigName = None,
@@ -96,12 +97,13 @@ def run(
       wiclosure run alpha=a.bag beta=b_bag/ --wireless radio.jsonl --filter none --out results/unfiltered
     """
     from wiclosure.pipeline import commands
+    from wiclosure.pipeline.config import resolve
 
     commands.run(
         data,
         out=out,
         overwrite=overwrite,
-        config=commands.configuration(config, set_, seed=seed, use_filter=filter_name),
+        config=resolve(config, set_, seed=seed, use_filter=filter_name),
         reading=commands.Reading(topic, tuple(wireless or ()), n_scans, salvage),
         working=commands.Working(jobs, keep=not no_cache, quiet=quiet, as_json=as_json),
         visualise=visualise,
@@ -137,13 +139,14 @@ def compare(
       wiclosure compare dataset.yaml --filters none,wiclosure,range-gate,oracle,random
     """
     from wiclosure.pipeline import commands
+    from wiclosure.pipeline.config import resolve
 
     commands.compare(
         data,
         filters=[name.strip() for name in filters.split(",") if name.strip()],
         out=out,
         overwrite=overwrite,
-        config=commands.configuration(config, set_, seed=seed),
+        config=resolve(config, set_, seed=seed),
         reading=commands.Reading(topic, tuple(wireless or ()), n_scans, salvage),
         working=commands.Working(jobs, keep=not no_cache, quiet=quiet, as_json=as_json),
     )
@@ -160,6 +163,46 @@ def demo(
     from wiclosure.pipeline import commands
 
     commands.demo(out=out, overwrite=overwrite, seed=seed, quiet=quiet)
+
+
+@app.command("filter")
+def filter_(
+    trajectory: Annotated[
+        list[str],
+        typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
+    ],
+    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines)")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
+    summary: Annotated[
+        Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="folder for pictures of what the filter did", show_default=False)
+    ] = None,
+    filter_name: FilterName = None,
+    config: ConfigName = None,
+    set_: Set = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that exist")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
+
+    For example:
+
+      wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
+    """
+    from wiclosure.pipeline import filtering
+    from wiclosure.pipeline.config import resolve
+
+    filtering.filter_candidates(
+        trajectory,
+        wireless,
+        config=resolve(config, set_, use_filter=filter_name),
+        outputs=filtering.Outputs(out, summary, plot, overwrite=overwrite),
+        quiet=quiet,
+        as_json=as_json,
+    )
 
 
 @app.command()

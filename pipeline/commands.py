@@ -14,7 +14,7 @@ from rich.console import Console
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cache import StageCache, default_cache_folder
-from wiclosure.pipeline.config import Config, load_config, preset_names
+from wiclosure.pipeline.config import Config, preset_names, resolve
 from wiclosure.pipeline.config import dump_config as config_text
 from wiclosure.pipeline.inputs import Inputs, open_inputs
 from wiclosure.pipeline.log import json_log, warnings_on_terminal
@@ -54,18 +54,6 @@ class Working:
     def cache(self) -> StageCache:
         """Stages of earlier runs."""
         return StageCache(default_cache_folder() if self.keep else None)
-
-
-def configuration(
-    source: str | None, overrides: Sequence[str] | None, *, seed: int | None = None, use_filter: str | None = None
-) -> Config:
-    """The configuration of the command line, the environment and the file."""
-    words = list(overrides or ())
-    if seed is not None:
-        words.append(f"seed={seed}")
-    if use_filter is not None:
-        words.append(f"use_filter={use_filter}")
-    return load_config(source, environment=os.environ, overrides=words)
 
 
 def run(
@@ -152,7 +140,7 @@ def demo(*, out: Path | None, overwrite: bool, seed: int, quiet: bool) -> None:
             filters=["none", "wiclosure"],
             out=scratch / "comparison",
             overwrite=False,
-            config=configuration(None, None, seed=seed),
+            config=resolve(None, None, seed=seed),
             reading=Reading(),
             working=working,
         )
@@ -196,7 +184,7 @@ def evaluate(folder: Path, *, as_json: bool) -> None:
     from wiclosure.pipeline.tables import trajectory_table
 
     components = [component["robots"] for component in read_metrics(folder)["components"]]
-    config = configuration(str(folder / "config.yaml"), None)
+    config = resolve(str(folder / "config.yaml"), None)
     merged, truth = read_trajectories(folder)
     errors = evaluate_trajectories(merged, components, truth, config.evaluation)
     if as_json:
@@ -219,7 +207,7 @@ def info(path: Path, *, salvage: bool, as_json: bool) -> None:
 
 def dump_config(source: str | None, overrides: Sequence[str] | None, *, presets: bool) -> None:
     """`wiclosure dump-config`."""
-    typer.echo("\n".join(preset_names()) if presets else config_text(configuration(source, overrides)).rstrip())
+    typer.echo("\n".join(preset_names()) if presets else config_text(resolve(source, overrides)).rstrip())
 
 
 def show_map(path: Path) -> None:

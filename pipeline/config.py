@@ -7,6 +7,7 @@ nested, in the environment `WICLOSURE_KEYFRAMES__DISTANCE_M`, on the command lin
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -81,6 +82,22 @@ def load_config(
         except ValidationError as error:
             raise ConfigError(_explain(error, place)) from None
     return config
+
+
+def resolve(
+    source: str | None, overrides: Sequence[str] | None, *, seed: int | None = None, use_filter: str | None = None
+) -> Config:
+    """The configuration of a command: its file, this process's environment, and its options.
+
+    Raises:
+        ConfigError: see `load_config`.
+    """
+    words = list(overrides or ())
+    if seed is not None:
+        words.append(f"seed={seed}")
+    if use_filter is not None:
+        words.append(f"use_filter={use_filter}")
+    return load_config(source, environment=os.environ, overrides=words)
 
 
 def preset_names() -> list[str]:

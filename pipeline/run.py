@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import resource
 import time
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.registration import Registration
 from wiclosure.interfaces import CandidateFilter
+from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.evaluation import evaluate
@@ -105,11 +105,6 @@ def run(prepared: Prepared, candidate_filter: CandidateFilter, *, progress: Prog
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
     return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
-
-
-def peak_rss_mb() -> float:
-    """Largest memory that this process has had, MiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) -> MergedMap:

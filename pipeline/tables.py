@@ -11,6 +11,7 @@ from rich.table import Table
 
 from wiclosure.pipeline.metrics import CandidateMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
+from wiclosure.types import FilterResult
 
 UNKNOWN = "-"
 Better = Literal["low", "high", None]
@@ -66,6 +67,20 @@ def comparison_markdown(arms: Mapping[str, Metrics]) -> str:
         shown = (f"**{cell}**" if n in best else cell for n, cell in enumerate(cells))
         lines.append(f"| {label} | " + " | ".join(shown) + " |")
     return "\n".join(lines) + "\n"
+
+
+def filter_table(result: FilterResult) -> Table:
+    """What a candidate filter kept, and how the radio places the robots."""
+    table = _two_columns(f"filter: {result.filter_name}")
+    table.add_row("candidate pairs", _of(result.pairs_kept, result.pairs_total, "kept"))
+    for pairs in result.pairs:
+        table.add_row(f"  {pairs.robot_a}-{pairs.robot_b}", f"{len(pairs):,}")
+    for found in result.alignments:
+        certain = "not certain" if found.ambiguous else "certain"
+        table.add_row(f"{found.robot_a}-{found.robot_b}", f"alignment {certain}: {found.reason}")
+    table.add_row("seconds", f"{result.seconds:.2f}")
+    _add_remarks(table, result.diagnosis)
+    return table
 
 
 def recording_table(found: RecordingInfo) -> Table:

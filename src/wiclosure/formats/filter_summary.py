@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
 
+from wiclosure.memory import peak_rss_mb
 from wiclosure.types import AlignmentHypothesis, FilterResult, FloatArray, FrameAlignment
 
 
@@ -24,16 +24,6 @@ def filter_summary(result: FilterResult) -> dict[str, Any]:
         "alignments": [_alignment(a) for a in result.alignments],
         "diagnosis": list(result.diagnosis),
     }
-
-
-def peak_rss_mb() -> float | None:
-    """Largest memory of this process so far, MB; None where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
 
 
 def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
