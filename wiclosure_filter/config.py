@@ -28,7 +28,7 @@ class SharedTrajectorySettings(Settings):
         default=0.7, gt=0, description="rad of turning that call for another pose: between poses the road is straight"
     )
     most_links: int = Field(
-        default=240,
+        default=150,
         ge=1,
         description="links in the joint estimate; of more, evenly many are taken, since its cost grows with their cube",
     )

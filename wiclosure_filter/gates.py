@@ -18,8 +18,9 @@ from wiclosure.wiclosure_filter.config import GateSettings
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 
-# Bounds are computed in another order than the pairs' own values: rounding must not lose a pair on the edge.
-ROUNDING = 1.0 + 1e-9
+# Bounds are computed in another order than the pairs' own values, and determinants of flat ellipses lose digits:
+# rounding must not lose a pair on the edge.
+ROUNDING = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,7 +31,7 @@ class KeyframePlaces:
         positions: `(N, d)` in the shared frame, metres.
         own_covariance: `(N, d, d)` m^2, what the nodes do not explain.
         node: `(N,)` the node before each keyframe, increasing.
-        fraction: `(N,)` weight of the node after it, in [0, 1]; 0 where there is none.
+        fraction: `(N,)` weight of the node after it, in [0, 1], increasing between two nodes; 0 where there is none.
     """
 
     positions: FloatArray
@@ -70,34 +70,64 @@ class PairModel:
 
     def covariance(self, p: IntArray, k: IntArray) -> FloatArray:
         """Covariances `(M, d, d)` for pairs of keyframes."""
-        row, column = self.a.node[p], self.b.node[k]
-        f, g = self.a.fraction[p][:, None, None], self.b.fraction[k][:, None, None]
-        below, right = np.minimum(row + 1, self.table.shape[0] - 1), np.minimum(column + 1, self.table.shape[1] - 1)
-        blended = (1 - f) * ((1 - g) * self.table[row, column] + g * self.table[row, right])
-        blended += f * ((1 - g) * self.table[below, column] + g * self.table[below, right])
-        return np.asarray(blended + self.a.own_covariance[p] + self.b.own_covariance[k])
+        d = self.table.shape[-1]
+        covariance = self.a.own_covariance[p] + self.b.own_covariance[k]
+        for i in range(d):
+            for j in range(i, d):
+                covariance[:, i, j] += self._blended(self.table[:, :, i, j], p, k)
+                covariance[:, j, i] = covariance[:, i, j]
+        return covariance
 
     def applies(self, p: IntArray, k: IntArray) -> NDArray[np.bool_]:
         """Which pairs this model answers for."""
         return np.ones(len(p), bool) if self.routes is None else self.routes.shortest_here(p, k)
 
     @cached_property
-    def _extremes(self) -> Extremes:
-        size_a, size_b, d, _ = self.table.shape
+    def _sizes(self) -> tuple[FloatArray, FloatArray]:
+        """Largest variance and `det^(1/d)` of every entry of the table."""
+        shape, d = self.table.shape[:2], self.table.shape[-1]
         largest, smallest = spread(self.table.reshape(-1, d, d))
-        return Extremes.of(largest.reshape(size_a, size_b), smallest.reshape(size_a, size_b))
+        return largest.reshape(shape), smallest.reshape(shape)
+
+    @cached_property
+    def _extremes(self) -> Extremes:
+        return Extremes.of(*self._sizes)
 
     def bounds(
         self, first_a: IntArray, last_a: IntArray, first_b: IntArray, last_b: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Largest variance and smallest `det^(1/d)` `(K,)` of C over rectangles of keyframes, ends included."""
         last_row, last_column = self.table.shape[0] - 1, self.table.shape[1] - 1
-        return self._extremes.over(
+        largest, smallest = self._extremes.over(
             self.a.node[first_a],
             np.minimum(self.a.node[last_a] + 1, last_row),
             self.b.node[first_b],
             np.minimum(self.b.node[last_b] + 1, last_column),
         )
+        inside = (self.a.node[first_a] == self.a.node[last_a]) & (self.b.node[first_b] == self.b.node[last_b])
+        ends = (first_a[inside], last_a[inside]), (first_b[inside], last_b[inside])
+        largest[inside], smallest[inside] = self._bounds_between_nodes(*ends)
+        return largest, smallest
+
+    def _bounds_between_nodes(
+        self, ends_a: tuple[IntArray, IntArray], ends_b: tuple[IntArray, IntArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same for rectangles between two neighbouring nodes of each robot.
+
+        There the largest variance is at most the blend of the four entries' largest variances, which is bilinear: its
+        extremes are at the corners of the rectangle.
+        """
+        corners = [(p, k) for p in ends_a for k in ends_b]
+        largest, smallest = (np.stack([self._blended(t, p, k) for p, k in corners]) for t in self._sizes)
+        return np.max(largest, axis=0, initial=0.0), np.min(smallest, axis=0, initial=np.inf)
+
+    def _blended(self, table: FloatArray, p: IntArray, k: IntArray) -> FloatArray:
+        """Entries of `table` `(nodes of a, nodes of b)` blended for pairs of keyframes."""
+        row, column = self.a.node[p], self.b.node[k]
+        below, right = np.minimum(row + 1, table.shape[0] - 1), np.minimum(column + 1, table.shape[1] - 1)
+        f, g = self.a.fraction[p], self.b.fraction[k]
+        above = (1 - g) * table[row, column] + g * table[row, right]
+        return np.asarray((1 - f) * above + f * ((1 - g) * table[below, column] + g * table[below, right]))
 
 
 @dataclass(frozen=True, eq=False)
