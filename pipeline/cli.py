@@ -206,6 +206,37 @@ def filter_(
 
 
 @app.command()
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="demo-site, shell-space, city, kitti08, campus, static-mirror")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")],
+    robots: Annotated[int | None, typer.Option("--robots", help="how many", show_default=False)] = None,
+    lidar: Annotated[
+        str | None, typer.Option("--lidar", help="hdl64, vlp16, vlp32, os1-64, generic-32", show_default=False)
+    ] = None,
+    aliasing: Annotated[
+        float | None, typer.Option("--aliasing", help="0: every place is unique; 1: all are alike", show_default=False)
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option("--poses", help="KITTI poses to build streets along (kitti08)", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="another seed, another world")] = 0,
+    recording_format: Annotated[
+        str, typer.Option("--format", help="ros1, ros2-mcap, ros2-sqlite3, kitti")
+    ] = "ros2-mcap",
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a simulated data set: recordings, wireless log, ground truth, dataset.yaml.
+
+    Example: wiclosure simulate shell-space --out data/shell
+    """
+    from wiclosure.pipeline import commands
+
+    choice = {"robots": robots, "lidar": lidar, "aliasing": aliasing, "poses": poses, "seed": seed}
+    commands.simulate(scenario, choice, out=out, recording_format=recording_format, overwrite=overwrite, quiet=quiet)
+
+
+@app.command()
 def split(
     kitti: Annotated[Path, typer.Argument(metavar="KITTI_DIR", help="folder of the KITTI odometry data set")],
     out: Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")],

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 
 from wiclosure.errors import ConfigError
@@ -20,6 +22,9 @@ from wiclosure.pipeline.inputs import Inputs, open_inputs
 from wiclosure.pipeline.log import json_log, warnings_on_terminal
 from wiclosure.pipeline.output import default_folder, point_latest, whole_folder
 from wiclosure.pipeline.progress import BarProgress, NoProgress, Progress
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.comparison import Comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,20 +102,40 @@ def compare(
     working: Working,
 ) -> None:
     """`wiclosure compare`."""
-    from wiclosure.pipeline import comparison, illustrations, tables
+    with _result_folder(out, overwrite=overwrite) as (folder, scratch):
+        compared = _compared(data, scratch, filters=filters, config=config, reading=reading, working=working)
+    _show(compared, folder, working)
+
+
+def _compared(
+    data: Sequence[str],
+    folder: Path,
+    *,
+    filters: Sequence[str],
+    config: Config,
+    reading: Reading,
+    working: Working,
+) -> Comparison:
+    """Runs every filter over the data and writes all into `folder`."""
+    from wiclosure.pipeline import comparison, illustrations
     from wiclosure.pipeline import run as running
 
-    with _result_folder(out, overwrite=overwrite) as (folder, scratch):
-        inputs = reading.inputs(data)
-        prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        compared = comparison.compare(prepared, filters, progress=working.progress)
-        comparison.write_comparison(scratch, compared)
-        illustrations.illustrate_comparison(scratch, compared)
+    inputs = reading.inputs(data)
+    prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
+    compared = comparison.compare(prepared, filters, progress=working.progress)
+    comparison.write_comparison(folder, compared)
+    illustrations.illustrate_comparison(folder, compared)
+    return compared
+
+
+def _show(compared: Comparison, folder: Path, working: Working) -> None:
+    from wiclosure.pipeline import tables
+
     if working.as_json:
         typer.echo(json.dumps(compared.metrics, indent=2))
     elif not working.quiet:
         Console().print(tables.comparison_table(compared.metrics))
-        Console().print(f"results in {folder}")
+        Console().print(f"merged maps and pictures in {folder}")
 
 
 @contextmanager
@@ -129,25 +154,42 @@ def demo(*, out: Path | None, overwrite: bool, seed: int, quiet: bool) -> None:
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
     working = Working(keep=False, quiet=quiet)
-    folder = out if out is not None else default_folder()
-    with whole_folder(folder, overwrite=overwrite) as scratch:
-        (scratch / "data").mkdir()
+    with _result_folder(out, overwrite=overwrite) as (folder, scratch):
         scenario = make_scenario("demo-site", ScenarioSettings(seed=seed))
+        (scratch / "data").mkdir()
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
-        compare(
+        compared = _compared(
             [str(dataset)],
+            scratch,
             filters=["none", "wiclosure"],
-            out=scratch / "comparison",
-            overwrite=False,
-            config=resolve(None, None, seed=seed),
+            config=resolve("small-site", None, seed=seed),
             reading=Reading(),
             working=working,
         )
-    if out is None:
-        point_latest(folder)
+    _show(compared, folder, working)
+
+
+def simulate(
+    name: str, choice: Mapping[str, object], *, out: Path, recording_format: str, overwrite: bool, quiet: bool
+) -> None:
+    """`wiclosure simulate`: a scenario written as a user would bring it."""
+    from wiclosure.pipeline.scenario_writer import require_format, write_scenario
+    from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+
+    require_format(recording_format)
+    try:
+        settings = ScenarioSettings.model_validate({key: value for key, value in choice.items() if value is not None})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        option = str(problem["loc"][0]).replace("_", "-")
+        raise ConfigError(f"--{option} {problem['input']}: {problem['msg'].lower()}") from None
+    progress = Working(quiet=quiet).progress
+    with whole_folder(out, overwrite=overwrite) as scratch, warnings_on_terminal():
+        scenario = make_scenario(name, settings)
+        write_scenario(scenario, scratch, dict.fromkeys(scenario.robots, recording_format), progress=progress)
     if not quiet:
-        Console().print(f"data set, merged maps and pictures in {folder}")
+        Console().print(f"{len(scenario.robots)} robots in {out}; merge them with: wiclosure run {out}")
 
 
 def split(

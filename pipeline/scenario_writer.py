@@ -50,6 +50,16 @@ RECORDERS: dict[str, Recorder] = {
 }
 
 
+def require_format(name: str) -> None:
+    """Fails where there is no recording format of that name.
+
+    Raises:
+        ConfigError: names those that there are.
+    """
+    if name not in RECORDERS:
+        raise ConfigError(f"unknown recording format {name!r}; choose one of {', '.join(RECORDERS)}")
+
+
 def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str], *, progress: Progress) -> Path:
     """Writes everything into an existing folder; the wireless records are in the log, and in bags as topics too.
 
@@ -66,8 +76,8 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         ConfigError: an unknown format.
         OutputError: a file cannot be written.
     """
-    if unknown := sorted(set(formats.values()) - set(RECORDERS)):
-        raise ConfigError(f"unknown recording format {unknown[0]!r}; choose one of {', '.join(RECORDERS)}")
+    for name in formats.values():
+        require_format(name)
     wireless = scenario.wireless()
     robots = {}
     for robot in scenario.robots:
