@@ -15,7 +15,7 @@ from wiclosure.types import (
     WirelessLog,
 )
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.ambiguity import judge
+from wiclosure.wiclosure_filter.ambiguity import Verdict, judge
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.links import Links, links_between
@@ -23,6 +23,7 @@ from wiclosure.wiclosure_filter.mixture import Explanation
 from wiclosure.wiclosure_filter.observations import Observations
 from wiclosure.wiclosure_filter.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.refinement import explained
+from wiclosure.wiclosure_filter.spatial_refinement import refine_in_space
 
 _Method = Callable[
     [Observations, str, IntArray, tuple[Trajectory, Trajectory], AlignmentSettings], AnchoredPeaks | None
@@ -63,9 +64,8 @@ def align(
     found = reject_multipath(observations, knowledge, partner, both, settings)
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
-    verdict = judge(found.peaks, found.mixture, found.prior, settings)
-    best, covariance = _settled(found, verdict.best, links, both, settings)
-    runner_up = None if verdict.runner_up is None else _settled(found, verdict.runner_up, links, both, settings)[0]
+    settle = _settled_level if settings.gravity_aligned else _settled_in_space
+    best, covariance, runner_up, verdict = settle(found, links, both, settings)
     return FrameAlignment(
         robot_a=robot_a,
         robot_b=robot_b,
@@ -103,17 +103,52 @@ def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
     return partner
 
 
-def _settled(
+_Settled = tuple[AlignmentHypothesis, FloatArray, AlignmentHypothesis | None, Verdict]
+
+
+def _settled_level(
+    found: AnchoredPeaks, links: Links, trajectories: tuple[Trajectory, Trajectory], settings: AlignmentSettings
+) -> _Settled:
+    """Best alignment, its covariance, the best different one, and the guard's verdict, between level frames."""
+    verdict = judge(found.peaks, found.mixture, found.prior, settings)
+    best, covariance = _followed(found, verdict.best, links, trajectories, settings, verdict.covariance)
+    runner_up = None
+    if verdict.runner_up is not None:
+        runner_up, _ = _followed(found, verdict.runner_up, links, trajectories, settings, verdict.covariance)
+    return best, covariance, runner_up, verdict
+
+
+def _settled_in_space(
+    found: AnchoredPeaks, links: Links, _: tuple[Trajectory, Trajectory], settings: AlignmentSettings
+) -> _Settled:
+    """The same over all of SE(3)."""
+    peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, settings)
+    verdict = judge(peaks.level, found.mixture, found.prior, settings, peaks.explanation)
+    counted = found.mixture.observations.independence
+    hypotheses = [
+        AlignmentHypothesis(
+            T_a_b=peaks.T_a_b[row],
+            log_likelihood=float(peaks.explanation.log_likelihood[row] @ counted),
+            paths_kept=_paths_kept(peaks.explanation.at(row), links, None),
+        )
+        for row in (verdict.best, verdict.runner_up)
+        if row is not None
+    ]
+    runner_up = hypotheses[1] if len(hypotheses) > 1 else None
+    return hypotheses[0], peaks.covariance[verdict.best], runner_up, verdict
+
+
+def _followed(
     found: AnchoredPeaks,
     row: int,
     links: Links,
     trajectories: tuple[Trajectory, Trajectory],
     settings: AlignmentSettings,
+    covariance: FloatArray,
 ) -> tuple[AlignmentHypothesis, FloatArray]:
     """A peak, followed through the drift of both robots where that matters, and its covariance `(6, 6)`."""
     observations = found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
-    covariance = np.linalg.inv(found.peaks.information[row] + 1e-9 * np.trace(found.peaks.information[row]) * np.eye(4))
     if found.chosen is None and drift_matters(found.drift, observations):
         frames = follow_drift(state, found.mixture, found.drift, found.prior, trajectories, settings)
         state, explanation, covariance = frames.state, frames.explanation, frames.covariance

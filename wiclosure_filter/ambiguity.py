@@ -36,8 +36,22 @@ class Verdict:
     reason: str
 
 
-def judge(peaks: Peaks, mixture: Mixture, prior: Prior, settings: AlignmentSettings) -> Verdict:
-    """Weighs the peaks of the posterior against each other, and the best against chance."""
+def judge(
+    peaks: Peaks,
+    mixture: Mixture,
+    prior: Prior,
+    settings: AlignmentSettings,
+    explanation: Explanation | None = None,
+) -> Verdict:
+    """Weighs the peaks of the posterior against each other, and the best against chance.
+
+    Args:
+        peaks: of the posterior.
+        mixture: likelihood of the measurements.
+        prior: what was known before.
+        settings: when to refuse.
+        explanation: of the measurements at each peak, where a level frame transform does not tell it.
+    """
     guard, observations = settings.guard, mixture.observations
     evidence = log_evidence(peaks)
     best = int(np.argmax(evidence))
@@ -47,7 +61,7 @@ def judge(peaks: Peaks, mixture: Mixture, prior: Prior, settings: AlignmentSetti
     covariance = _covariance(peaks, evidence, best, ~different)
     runner_up = int(np.flatnonzero(different)[np.argmax(evidence[different])]) if different.any() else None
 
-    explanation = explained(peaks.states[best], mixture)
+    explanation = explained(peaks.states[best], mixture) if explanation is None else explanation.at(best)
     doubts = [
         _unobservable(covariance, distance, mixture, settings),
         _too_few(explanation, mixture, prior, settings),

@@ -155,6 +155,11 @@ class Explanation:
             self.log_likelihood[:, rows], self.path[:, rows], self.in_sight[:, rows], self.obstructed[:, rows]
         )
 
+    def at(self, state: int) -> Explanation:
+        """What explains the measurements at one of the N states."""
+        one = slice(state, state + 1)
+        return Explanation(self.log_likelihood[one], self.path[one], self.in_sight[one], self.obstructed[one])
+
     def direct(self) -> IntArray:
         """`(M,)` the path that more likely than not is the direct one, or -1; of the first state."""
         best = np.argmax(self.path[0], axis=1)

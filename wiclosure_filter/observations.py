@@ -124,6 +124,13 @@ class Observations:
         """The same measurements with other path weights `(M, K)` and ranges `(M,)`."""
         return replace(self, weight=weight, range_m=range_m, has_bearing=np.asarray((weight > 0).any(axis=1)))
 
+    def directed(self, direction: FloatArray) -> Observations:
+        """The same measurements with directions `(M, K, 3)` in other axes; flat ones are laid into their plane."""
+        direction = direction.copy()
+        direction[..., 2] = np.where(self.flat, 0.0, direction[..., 2])
+        direction /= np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-9)
+        return replace(self, direction=direction)
+
     def frame_transform(self, state: FloatArray) -> FloatArray:
         """`T_a_b (..., 4, 4)` of states `(..., 4)`."""
         T = se3.from_yaw(state[..., 0], state[..., 1:] + self.centre_a)

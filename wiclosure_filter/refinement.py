@@ -192,35 +192,42 @@ def residual_rows(w: FloatArray, yaw: FloatArray, mixture: Mixture) -> ResidualR
     explanation = mixture.explain(seen_by_receiver(w, yaw, back))
     flat_distance = np.maximum(np.hypot(w[..., 0], w[..., 1]), MIN_DISTANCE_M)
     distance = np.maximum(np.linalg.norm(w, axis=-1), MIN_DISTANCE_M)
-    residual, weight = np.zeros(w.shape), np.zeros(w.shape)
-
     azimuth = np.arctan2(w[..., 1], w[..., 0]) + np.where(back, np.pi - yaw, 0.0)
-    measured = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])
-    path_weight = explanation.path * mixture.kappa
-    weight[..., 0] = path_weight.sum(axis=-1)
-    residual[..., 0] = _mean(path_weight, _wrapped(measured - azimuth[..., None]), weight[..., 0])
-    if not observations.flat.all():
-        elevation = np.where(back, -1.0, 1.0) * np.arctan2(w[..., 2], flat_distance)
-        rising = np.arcsin(np.clip(observations.direction[..., 2], -1, 1))
-        path_weight = np.where(observations.flat, 0.0, path_weight)
-        weight[..., 1] = path_weight.sum(axis=-1)
-        residual[..., 1] = _mean(path_weight, rising - elevation[..., None], weight[..., 1])
-
-    excess = np.where(np.isfinite(observations.range_m), observations.range_m, 0.0) - distance
-    sure = explanation.in_sight / mixture.range_variance
-    vague = explanation.obstructed / (mixture.range_variance + mixture.radio.range_bias_m**2)
-    weight[..., 2] = sure + vague
-    residual[..., 2] = excess - mixture.radio.range_bias_m * vague / np.maximum(weight[..., 2], 1e-12)
+    elevation = np.where(back, -1.0, 1.0) * np.arctan2(w[..., 2], flat_distance)
+    residual, weight = measured_residuals(azimuth, elevation, distance, explanation, mixture)
     by_yaw = np.zeros(w.shape)
     by_yaw[:, back, 0] = -1.0
-    by_w = _derivative_by_displacement(w, flat_distance, distance)
+    by_w = derivative_by_displacement(w, flat_distance, distance)
     by_w[:, back, 1] *= -1.0
     if not mixture.tells_height:
         by_w[..., 2] = 0.0  # or the height would settle above or below by chance, and shift the rest
     return ResidualRows(explanation.log_likelihood, residual, weight, by_w, by_yaw)
 
 
-def _derivative_by_displacement(w: FloatArray, flat_distance: FloatArray, distance: FloatArray) -> FloatArray:
+def measured_residuals(
+    azimuth: FloatArray, elevation: FloatArray, distance: FloatArray, explanation: Explanation, mixture: Mixture
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals and weights `(N, M, 3)` of azimuth, elevation and range, from the predictions `(N, M)`."""
+    observations = mixture.observations
+    residual, weight = np.zeros((*azimuth.shape, 3)), np.zeros((*azimuth.shape, 3))
+    measured = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])
+    path_weight = explanation.path * mixture.kappa
+    weight[..., 0] = path_weight.sum(axis=-1)
+    residual[..., 0] = _mean(path_weight, _wrapped(measured - azimuth[..., None]), weight[..., 0])
+    if not observations.flat.all():
+        rising = np.arcsin(np.clip(observations.direction[..., 2], -1, 1))
+        path_weight = np.where(observations.flat, 0.0, path_weight)
+        weight[..., 1] = path_weight.sum(axis=-1)
+        residual[..., 1] = _mean(path_weight, rising - elevation[..., None], weight[..., 1])
+    excess = np.where(np.isfinite(observations.range_m), observations.range_m, 0.0) - distance
+    sure = explanation.in_sight / mixture.range_variance
+    vague = explanation.obstructed / (mixture.range_variance + mixture.radio.range_bias_m**2)
+    weight[..., 2] = sure + vague
+    residual[..., 2] = excess - mixture.radio.range_bias_m * vague / np.maximum(weight[..., 2], 1e-12)
+    return residual, weight
+
+
+def derivative_by_displacement(w: FloatArray, flat_distance: FloatArray, distance: FloatArray) -> FloatArray:
     """Azimuth, elevation and range of w `(N, M, 3)`, derived by w: `(N, M, 3, 3)`."""
     by_w = np.zeros((*w.shape, 3))
     by_w[..., 0, 0], by_w[..., 0, 1] = -w[..., 1] / flat_distance**2, w[..., 0] / flat_distance**2
