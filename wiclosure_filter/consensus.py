@@ -22,7 +22,7 @@ from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb, displacem
 _ANCHORS = 4
 _QUICK_LOOK = 20  # measurements in the first scoring
 _CLIMBERS = 48  # proposals that are refined, at few measurements
-_CLIMBER_ROWS = 1_500  # proposals times measurements that are refined, at many
+_CLIMBER_ROWS = 800  # proposals times measurements that are refined, at many
 _ROWS_AN_ANCHOR = 25
 _APART_M = 1.0  # proposals nearer than this climb to the same peak
 

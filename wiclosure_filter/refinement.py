@@ -98,7 +98,7 @@ class Peaks:
         return ordered.subset(_apart(ordered.states, observations, len(ordered)))
 
 
-def climb(states: FloatArray, mixture: Mixture, prior: Prior, finalists: int = 8) -> Peaks:
+def climb(states: FloatArray, mixture: Mixture, prior: Prior, finalists: int = 6) -> Peaks:
     """Refines states `(N, 4)` to the nearest peaks; only the `finalists` most promising go all the way."""
     climbed = _steps(states, mixture, prior, _FIRST_STEPS)
     finalist = climbed.distinct(mixture.observations).states[:finalists]

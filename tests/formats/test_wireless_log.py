@@ -175,7 +175,7 @@ records = st.fixed_dictionaries(
 ).map(lambda record: json.dumps(record).encode())
 
 
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(records | st.binary(max_size=60), max_size=3))
 def test_any_bytes_give_a_log_or_an_input_error(tmp_path: Path, lines: list[bytes]) -> None:
     file = tmp_path / "fuzz.jsonl"
@@ -183,7 +183,7 @@ def test_any_bytes_give_a_log_or_an_input_error(tmp_path: Path, lines: list[byte
     assert str(file) in read_or_refuse(file)
 
 
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(GOOD) - 1), st.binary(max_size=3), st.integers(0, 4))
 def test_a_damaged_line_gives_a_log_or_an_input_error(tmp_path: Path, at: int, patch: bytes, cut: int) -> None:
     file = tmp_path / "fuzz.jsonl"

@@ -158,7 +158,7 @@ def test_equal_input_gives_equal_output() -> None:
 @pytest.mark.parametrize("kind", KINDS[:3])
 def test_direct_paths_are_told_from_false_ones(kind: str) -> None:
     found = certain = wrong = right = 0
-    for seed in range(15):
+    for seed in range(10):
         scene = make_scene(kind, seed=seed, absent=0.3, gross=0.1)
         result = scene.align()
         good = scene.error_m(result) < 4
@@ -167,9 +167,9 @@ def test_direct_paths_are_told_from_false_ones(kind: str) -> None:
         wrong += not result.ambiguous and not good
         assert result.best is not None
         right += sum(scene.direct[m] == path >= 0 for m, path in result.best.paths_kept)
-    direct = sum(path >= 0 for seed in range(15) for path in make_scene(kind, seed=seed, absent=0.3).direct.values())
-    assert found >= 14
-    assert certain >= 12
+    direct = sum(path >= 0 for seed in range(10) for path in make_scene(kind, seed=seed, absent=0.3).direct.values())
+    assert found >= 9
+    assert certain >= 8
     assert wrong == 0
     assert right > 0.6 * direct
 
@@ -195,7 +195,7 @@ def test_pairwise_consistency_without_headings_says_what_to_do() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_covariance_tells_the_error(kind: str) -> None:
     nees = []
-    for seed in range(15):
+    for seed in range(10):
         scene = make_scene(kind, seed=100 + seed, heard=20)
         result = scene.align()
         if not result.ambiguous:
