@@ -13,6 +13,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solveh_banded
+from scipy.sparse import csr_array
 
 from wiclosure.types import FloatArray, IntArray
 
@@ -46,7 +47,7 @@ class JointCovariance:
         information, _ = linear.hessian(ordering)
         split = 6 * len(free)
         response, remainder = _eliminated(information[:split, :split], information[:split, split:])
-        of_held = information[split:, split:] + information[split:, :split] @ response
+        of_held = information[split:, split:] + csr_array(information[split:, :split]) @ response
         # With information L L^T the covariance is L^-T L^-1: L^-T is the factor.
         lower = np.linalg.cholesky(of_held)
         inverse, _ = lapack.dtrtri(lower, lower=True)
@@ -83,14 +84,17 @@ class JointCovariance:
         return blocks[inverse]
 
 
-def _eliminated(banded: FloatArray, coupling: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How free poses follow held ones, `(6 F, 6 H)`, and the covariance `(F, 6, 6)` of what remains."""
+def _eliminated(banded: FloatArray, coupling: FloatArray) -> tuple[csr_array, FloatArray]:
+    """How free poses follow held ones, `(6 F, 6 H)`, and the covariance `(F, 6, 6)` of what remains.
+
+    A free pose follows only the held ones before and after it: the first result is sparse.
+    """
     size = len(banded)
     if size == 0:
-        return np.zeros((0, coupling.shape[1])), np.zeros((0, 6, 6))
+        return csr_array(coupling), np.zeros((0, 6, 6))
     bands = np.zeros((min(BAND, size), size))
     for offset in range(len(bands)):
         bands[offset, : size - offset] = np.diagonal(banded, -offset)
     solved = solveh_banded(bands, np.hstack([-coupling, np.eye(size)]), lower=True)
     inverse = solved[:, coupling.shape[1] :].reshape(size // 6, 6, size // 6, 6)
-    return solved[:, : coupling.shape[1]], np.einsum("ninj->nij", inverse)
+    return csr_array(solved[:, : coupling.shape[1]]), np.einsum("ninj->nij", inverse)
