@@ -23,11 +23,9 @@ from wiclosure.types import FloatArray, FrameAlignment, IntArray
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.radio_factors import KeptLinks
-
-# Sigmas of what nothing is known of, small enough for well-conditioned equations.
-UNKNOWN_M, UNKNOWN_RAD, ANCHOR_SIGMA = 1e4, 3.0, 1e-4
+from wiclosure.wiclosure_filter.pose_graph import add_links, add_odometry, frame_prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +74,13 @@ class JointEstimate:
         R_world_a = self.T_world_node[node_a, :3, :3] @ T_node_a[:, :3, :3]
         T_a_b[:, :3, 3] = np.einsum("mji,mj->mi", R_world_a, apart)
         return T_a_b, C_ab
+
+    def misfit(self, kept: KeptLinks, node_a: IntArray, node_b: IntArray) -> float:
+        """Median residual of the links between nodes `(L,)` of their two robots (see `KeptLinks.misfit`)."""
+        links = kept.links
+        return kept.misfit(
+            self.T_world_node[self.first[links.robot_a] + node_a], self.T_world_node[self.first[links.robot_b] + node_b]
+        )
 
     def _rows(self, robot: str) -> slice:
         return slice(self.first[robot], self.first[robot] + len(self.nodes[robot]))
@@ -151,11 +156,11 @@ def estimate(
     first = dict(zip(nodes, np.cumsum([0, *(len(n) for n in nodes.values())]).tolist(), strict=False))
     graph, initial = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for robot, own in nodes.items():
-        _add_odometry(graph, initial, first[robot], own, T_world_odom[robot])
+        add_odometry(graph, initial, first[robot], own, T_world_odom[robot])
     for number, robot in enumerate(nodes):
-        graph.add(_prior(initial, first[robot], number == 0, settings))
+        graph.add(frame_prior(initial, first[robot], number == 0, settings))
     for (a, b), kept in links.items():
-        _add_links(graph, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
+        add_links(graph, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
     values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
@@ -184,67 +189,6 @@ def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str
                 known[alignment.robot_a] = known[alignment.robot_b] @ se3.inverse(alignment.best.T_a_b)
             grown = True
     return {robot: known[robot] for robot in robots if robot in known}
-
-
-def _add_odometry(
-    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray
-) -> None:
-    T_odom_node = se3.from_rotation_translation(np.broadcast_to(np.eye(3), (len(nodes), 3, 3)), nodes.position)
-    for number, T_world_node in enumerate(T_world_odom @ T_odom_node):
-        initial.insert(first + number, gtsam.Pose3(T_world_node))
-    for number, (step, covariance) in enumerate(zip(*nodes.steps(), strict=True)):
-        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        measured = gtsam.Pose3(gtsam.Rot3(), step)
-        graph.add(gtsam.BetweenFactorPose3(first + number, first + number + 1, measured, noise))
-
-
-def _prior(initial: gtsam.Values, key: int, anchor: bool, settings: FilterSettings) -> gtsam.NonlinearFactor:
-    """Holds the first robot; of the others only what gravity and the ground tell: tilt, and roughly the height."""
-    alignment, shared = settings.alignment, settings.shared_trajectory
-    tilt = np.sqrt(2.0) * shared.gravity_sigma_rad if alignment.gravity_aligned else alignment.tilt_sigma_rad
-    loose = np.array([tilt, tilt, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M, alignment.height_sigma_m])
-    sigmas = np.full(6, ANCHOR_SIGMA) if anchor else loose
-    return gtsam.PriorFactorPose3(key, initial.atPose3(key), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
-
-
-def _add_links(
-    graph: gtsam.NonlinearFactorGraph, kept: KeptLinks, key_a: IntArray, key_b: IntArray, settings: FilterSettings
-) -> None:
-    """Ranges, bearings and headings as separate factors: a false range does not spoil a true bearing."""
-    kernel = gtsam.noiseModel.mEstimator.Cauchy(settings.shared_trajectory.robust_threshold)
-    links = kept.links
-    with_yaw = int(np.isfinite(links.yaw).sum())
-    for row in range(len(kept)):
-        a, b = int(key_a[row]), int(key_b[row])
-        receiver, transmitter = (a, b) if links.a_receives[row] else (b, a)
-        if np.isfinite(links.range_m[row]):
-            sigma = links.range_sigma_m[row]
-            robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Isotropic.Sigma(1, sigma))
-            graph.add(gtsam.RangeFactorPose3(receiver, transmitter, links.range_m[row], robust))
-        if np.isfinite(kept.direction[row]).all():
-            graph.add(_bearing(receiver, transmitter, kept.direction[row], kept.direction_covariance[row], kernel))
-        if np.isfinite(links.yaw[row]):
-            # A compass errs by its surroundings, not anew at each reading: together they count as one.
-            sigma = links.yaw_sigma[row] * np.sqrt(with_yaw)
-            sigmas = np.array([UNKNOWN_RAD, UNKNOWN_RAD, sigma, UNKNOWN_M, UNKNOWN_M, UNKNOWN_M])
-            robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Diagonal.Sigmas(sigmas))
-            measured = gtsam.Pose3(gtsam.Rot3.Rz(links.yaw[row]), np.zeros(3))
-            graph.add(gtsam.BetweenFactorPose3(a, b, measured, robust))
-
-
-def _bearing(
-    receiver: int,
-    transmitter: int,
-    direction: FloatArray,
-    covariance: FloatArray,
-    kernel: gtsam.noiseModel.mEstimator.Base,
-) -> gtsam.NonlinearFactor:
-    """GTSAM knows bearings to poses only together with ranges: the range gets no weight."""
-    unit = gtsam.Unit3(direction)
-    noise = np.diag([0.0, 0.0, UNKNOWN_M**2])
-    noise[:2, :2] = unit.basis().T @ covariance @ unit.basis()
-    robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Gaussian.Covariance(noise))
-    return gtsam.BearingRangeFactorPose3(receiver, transmitter, unit, 0.0, robust)
 
 
 def _turned(R: FloatArray) -> FloatArray:

@@ -11,10 +11,14 @@ import numpy as np
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
-from wiclosure.wiclosure_filter.joint_estimate import estimate, frames_from
+from wiclosure.wiclosure_filter.joint_estimate import JointEstimate, estimate, frames_from
+from wiclosure.wiclosure_filter.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.pair_model import PairModel
-from wiclosure.wiclosure_filter.radio_factors import KeptLinks
 from wiclosure.wiclosure_filter.shortest_route import ShortestRouteEstimate
+
+# Median residual, in standard deviations, beyond which links contradict each other; 0.7 is expected, and robust kernels
+# let a few outliers have any residual.
+CONTRADICTION = 3.0
 
 
 class SharedEstimate(Protocol):
@@ -85,18 +89,41 @@ def _joint(
     left = list(trajectories)
     while left:
         frames = frames_from(left, list(alignments))
-        left = [robot for robot in left if robot not in frames]
+        own = {pair: links for pair, links in kept.items() if pair[0] in frames}
         if len(frames) > 1:
-            own = {pair: links for pair, links in kept.items() if pair[0] in frames}
-            nodes, rows = _nodes({r: trajectories[r] for r in frames}, own, settings)
             try:
-                joint = estimate(nodes, frames, own, rows, settings)
+                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, settings)
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
+                left = [robot for robot in left if robot not in frames]
+                continue
+            worst = max(misfit, key=lambda pair: misfit[pair])
+            if len(own) > 1 and misfit[worst] > CONTRADICTION:
+                # Each alignment holds by itself, but not all together: do without the one that fits least.
+                a, b = worst
+                diagnosis.append(
+                    f"{a} and {b}: their links contradict those of the other robots"
+                    f" (median residual {misfit[worst]:.1f} standard deviations); not used"
+                )
+                alignments = [al for al in alignments if (al.robot_a, al.robot_b) != worst]
+                kept = {pair: links for pair, links in kept.items() if pair != worst}
                 continue
             names = list(frames)
             estimates.update({(a, b): joint for i, a in enumerate(names) for b in names[i + 1 :]})
+        left = [robot for robot in left if robot not in frames]
     return SharedTrajectory(estimates, tuple(diagnosis))
+
+
+def _component(
+    trajectories: Mapping[str, Trajectory],
+    frames: Mapping[str, FloatArray],
+    kept: Mapping[tuple[str, str], KeptLinks],
+    settings: FilterSettings,
+) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
+    """Joint estimate of robots that links join, and how badly the links of each pair fit it."""
+    nodes, rows = _nodes(trajectories, kept, settings)
+    joint = estimate(nodes, frames, kept, rows, settings)
+    return joint, {pair: joint.misfit(links, *rows[pair]) for pair, links in kept.items()}
 
 
 def _nodes(

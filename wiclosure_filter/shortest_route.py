@@ -16,8 +16,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory
+from wiclosure.wiclosure_filter.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.pair_model import KeyframePlaces, PairModel, ShortestRoutes
-from wiclosure.wiclosure_filter.radio_factors import KeptLinks
 
 # m^2, so that no covariance is singular at the link itself.
 LEAST_VARIANCE = 1e-4

@@ -155,6 +155,21 @@ def test_robots_are_joined_through_a_third_and_strangers_stay_apart() -> None:
     assert horizontal[0] > horizontal[1], "two hops are less certain than one"
 
 
+def test_an_alignment_that_contradicts_the_others_is_left_out() -> None:
+    """Two robots joined twice: through a third, and by links that fit a wrong frame just as well."""
+    truth, odometry = team(3, ["alpha", "beta", "gamma"])
+    moved = dict(truth, gamma=truth["gamma"].moved(se3.from_yaw(0.8, np.array([60.0, 0.0, 0.0]))))
+    wireless = (
+        listen(truth, "alpha", "beta") + listen(truth, "beta", "gamma") + listen(moved, "alpha", "gamma", every=30)
+    )
+    alignments = [true_alignment(a, b, wireless) for a, b in (("alpha", "beta"), ("alpha", "gamma"), ("beta", "gamma"))]
+    shared = share_trajectories(odometry, wireless, alignments, FilterSettings())
+    assert any(s.startswith("alpha and gamma: their links contradict") for s in shared.diagnosis)
+    every = np.arange(150)
+    T, _ = shared.estimates["alpha", "gamma"].relative_poses("alpha", every, "gamma", every)
+    np.testing.assert_allclose(T, se3.between(truth["alpha"].poses, truth["gamma"].poses), atol=5e-3)
+
+
 def test_ambiguous_alignments_join_nobody() -> None:
     truth, odometry = team(4, ["alpha", "beta"])
     wireless = listen(truth, "alpha", "beta")

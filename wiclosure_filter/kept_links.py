@@ -1,4 +1,4 @@
-"""The links of an alignment: which measurements it keeps, and their directions with covariance."""
+"""The links that an alignment keeps: their measurements, and the direct paths' directions with covariance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.links import Links, links_between
@@ -59,6 +60,27 @@ class KeptLinks:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
         return KeptLinks(select(self.links, rows), self.direction[rows], self.direction_covariance[rows])
+
+    def misfit(self, T_world_a: FloatArray, T_world_b: FloatArray) -> float:
+        """Median residual of ranges and bearings in their standard deviations; near 0.7 where all is well.
+
+        Args:
+            T_world_a: `(L, 4, 4)` frames with a's odometry axes and their origins at its antennas.
+            T_world_b: the same of b.
+        """
+        to_b, to_a = (se3.between(*pair)[:, :3, 3] for pair in ((T_world_a, T_world_b), (T_world_b, T_world_a)))
+        seen = np.where(self.links.a_receives[:, None], to_b, to_a)
+        distance = np.linalg.norm(seen, axis=1)
+        of_range = np.abs(distance - self.links.range_m) / self.links.range_sigma_m
+        known = np.isfinite(self.direction).all(axis=1)
+        u, covariance = self.direction[known], self.direction_covariance[known]
+        off = seen[known] / np.maximum(distance[known], 1e-9)[:, None] - u
+        off -= np.einsum("li,li->l", u, off)[:, None] * u
+        # On the tangent plane the covariance has rank two; along u there is nothing left to divide.
+        whitened = np.linalg.solve(covariance + u[:, :, None] * u[:, None, :], off[:, :, None])[:, :, 0]
+        of_bearing = np.sqrt(np.maximum(np.einsum("li,li->l", off, whitened), 0.0))
+        residuals = np.concatenate([of_range[np.isfinite(of_range)], of_bearing])
+        return float(np.median(residuals)) if len(residuals) else 0.0
 
 
 def select(links: Links, rows: IntArray) -> Links:
