@@ -1,0 +1,34 @@
+"""How long `wiclosure --help` takes, against Python alone and against importing numpy (goal: under 0.5 s).
+
+python benchmarks/startup.py
+"""
+
+import subprocess
+import sys
+import time
+
+REPEATS = 10
+
+COMMANDS = {
+    "python -c pass": [sys.executable, "-c", "pass"],
+    "python -c 'import numpy'": [sys.executable, "-c", "import numpy"],
+    "wiclosure --help": [sys.executable, "-m", "wiclosure.pipeline.cli", "--help"],
+    "wiclosure --version": [sys.executable, "-m", "wiclosure.pipeline.cli", "--version"],
+}
+
+
+def seconds(command: list[str]) -> float:
+    began = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    best = {name: min(seconds(command) for _ in range(REPEATS)) for name, command in COMMANDS.items()}
+    alone = best["python -c pass"]
+    for name, value in best.items():
+        print(f"{name:<26} {value * 1e3:6.0f} ms   {value / alone:5.1f} x python alone")
+
+
+if __name__ == "__main__":
+    main()
