@@ -125,13 +125,12 @@ def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: n
     rays = np.empty((model.columns, beams, 6), np.float32)
     rays[..., :3] = T_world_sensor[:, None, :3, 3]
     np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :3, :3], 1, 2), out=rays[..., 3:])
-    true_m, cosine, mirrored = scene.cast(rays.reshape(-1, 6))
+    true_m, cosine = scene.cast(rays.reshape(-1, 6))
     range_m = true_m + np.float32(model.range_sigma_m) * rng.standard_normal(len(true_m), dtype=np.float32)
     range_m += np.tile(lidar.range_error_m, model.columns)
     seen = np.flatnonzero(
         (range_m >= model.min_range_m)
         & (range_m <= model.max_range_m)
-        & ~mirrored
         & (cosine >= model.least_cosine * (true_m / model.reach_m) ** 2)
         & (rng.random(len(true_m), dtype=np.float32) >= model.dropout)
     )

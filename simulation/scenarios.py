@@ -185,7 +185,7 @@ SCENARIOS: dict[str, ScenarioKind] = {
         (3, 8),
         lidar_model("hdl64"),
         0.5,
-        RadioSettings.model_validate({"every_m": 10.0, "paths": 5}),
+        RadioSettings.model_validate({"every_m": 10.0, "paths": 5, "blocked_range": 1.0}),
         _kitti08,
     ),
     "campus": ScenarioKind(

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.simulation.ground import Ground
@@ -39,12 +38,10 @@ class RayHits(NamedTuple):
     Args:
         distance_m: `(N,)` along the rays, infinite where nothing was hit.
         cosine: `(N,)` of the angle between ray and surface normal.
-        mirrored: `(N,)` whether a glossy ground sends the light away from the sensor.
     """
 
     distance_m: Float32Array
     cosine: Float32Array
-    mirrored: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +53,12 @@ class Scene:
         ground: what robots drive on.
         slight: what light does not pass but radio bends around: trees, poles.
         reflectors: walls that mirror radio waves.
-        gloss: the ground mirrors light away where the cosine of incidence is smaller; 0 for matt ground. Polished
-            concrete and wet asphalt do so.
     """
 
     solid: Mesh
     ground: Ground
     slight: Mesh = field(default_factory=lambda: join([]))
     reflectors: tuple[Reflector, ...] = ()
-    gloss: float = 0.0
 
     @cached_property
     def _raycaster(self) -> o3d.t.geometry.RaycastingScene:
@@ -85,9 +79,7 @@ class Scene:
 
         hits = self._raycaster.cast_rays(o3d.core.Tensor.from_numpy(rays))
         normal = hits["primitive_normals"].numpy()
-        cosine = np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:]))
-        mirrored = (hits["geometry_ids"].numpy() == 0) & (cosine < self.gloss)
-        return RayHits(hits["t_hit"].numpy(), cosine, mirrored)
+        return RayHits(hits["t_hit"].numpy(), np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:])))
 
     def obstacles(self, start_m: FloatArray, end_m: FloatArray) -> IntArray:
         """How many solid surfaces `(N,)` lie between the points `start_m (N, 3)` and `end_m (N, 3)`."""
@@ -132,9 +124,8 @@ class Footprint:
 class SceneBuilder:
     """Collects shapes on a ground; `build` makes the scene of them."""
 
-    def __init__(self, ground: Ground, gloss: float = 0.0) -> None:
+    def __init__(self, ground: Ground) -> None:
         self.ground = ground
-        self._gloss = gloss
         self._solid: list[Mesh] = []
         self._slight: list[Mesh] = []
         self._reflectors: list[Reflector] = []
@@ -162,7 +153,7 @@ class SceneBuilder:
 
     def build(self) -> Scene:
         """The scene of everything added."""
-        return Scene(join(self._solid), self.ground, join(self._slight), tuple(self._reflectors), self._gloss)
+        return Scene(join(self._solid), self.ground, join(self._slight), tuple(self._reflectors))
 
     def _height(self, x_m: float, y_m: float) -> float:
         return float(self.ground.height(np.array([[x_m, y_m]]))[0])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.simulation.mesh import Mesh, box, car, gable, join, pole, tree
 from wiclosure.simulation.motion import GroundPath
 from wiclosure.simulation.scene import Footprint, SceneBuilder
@@ -80,20 +81,19 @@ def line_with_lots(builder: SceneBuilder, streets: list[GroundPath], rng: np.ran
         aliasing: probability that a lot is a copy of the common one.
     """
     common = make_lot(np.random.default_rng(8))
-    road = np.concatenate([street.xy_m[:: max(1, int(1.0 / np.diff(street.s_m).mean()))] for street in streets])
+    places = np.concatenate([_lot_places(street) for street in streets])
+    samples = _samples(places)
+    on_road = _distance_to_roads(samples, streets) < _CLEAR_OF_ROAD_M
     taken = np.full((1, 2), np.inf)
     lots = 0
-    for street in streets:
-        for x_m, y_m, yaw in _lot_places(street):
-            samples = _samples(x_m, y_m, yaw)
-            free = _gap(samples, road) > _CLEAR_OF_ROAD_M and _gap(samples, taken) > _CLEAR_OF_LOTS_M
-            # Drawn for every place, so that one lot more or less does not change all others.
-            unique, gap, own = rng.random() >= aliasing, rng.random() < _GAPS, rng.spawn(1)[0]
-            if not free or (gap and unique):
-                continue
-            _place(builder, make_lot(own) if unique else common, x_m, y_m, yaw)
-            taken = np.vstack([taken, samples])
-            lots += 1
+    for place, area, blocked in zip(places, samples, on_road, strict=True):
+        # Drawn for every place, so that one lot more or less does not change all others.
+        unique, gap, own = rng.random() >= aliasing, rng.random() < _GAPS, rng.spawn(1)[0]
+        if blocked or (gap and unique) or _gap(area, taken) < _CLEAR_OF_LOTS_M:
+            continue
+        _place(builder, make_lot(own) if unique else common, *place.tolist())
+        taken = np.vstack([taken, area])
+        lots += 1
     return lots
 
 
@@ -108,15 +108,28 @@ def _lot_places(street: GroundPath) -> FloatArray:
     return np.concatenate(places)
 
 
-def _samples(x_m: float, y_m: float, yaw: float) -> FloatArray:
-    """`(25, 2)` points that spread over a lot."""
+def _samples(places: FloatArray) -> FloatArray:
+    """`(L, 25, 2)` points that spread over each lot."""
     along, away = np.meshgrid(np.linspace(-6.5, 6.5, 5), np.linspace(0.5, _LOT_DEPTH_M - 3, 5))
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.stack([x_m + cos * along - sin * away, y_m + sin * along + cos * away], axis=-1).reshape(-1, 2)
+    points = np.stack([along.ravel(), away.ravel(), np.zeros(25)], axis=1)
+    T_world_lot = se3.from_yaw(places[:, 2], np.pad(places[:, :2], ((0, 0), (0, 1))))
+    return se3.transform(T_world_lot[:, None], points)[..., :2]
+
+
+def _distance_to_roads(samples: FloatArray, streets: list[GroundPath]) -> FloatArray:
+    """`(L,)` smallest distance of each lot from any centre line."""
+    from scipy.spatial import cKDTree
+
+    road = cKDTree(
+        np.concatenate([street.xy_m[:: max(1, int(1.0 / np.diff(street.s_m).mean()))] for street in streets])
+    )
+    return np.asarray(np.reshape(road.query(samples.reshape(-1, 2))[0], samples.shape[:2]).min(axis=1))
 
 
 def _gap(points: FloatArray, others: FloatArray) -> float:
-    return float(np.sqrt(((points[:, None] - others[None]) ** 2).sum(axis=2).min()))
+    """Smallest distance between two sets of points, metres; far ones do not count."""
+    near = others[np.abs(others - points.mean(axis=0)).max(axis=1) < 40.0]
+    return float(np.sqrt(((points[:, None] - near[None]) ** 2).sum(axis=2).min(initial=1e4)))
 
 
 def _place(builder: SceneBuilder, lot: Lot, x_m: float, y_m: float, yaw: float) -> None:
