@@ -81,9 +81,9 @@ def test_bad_files(tmp_path: Path, content: str, message: str) -> None:
 
 
 def test_missing_file_lists_presets(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="default"):
+    with pytest.raises(ConfigError, match="strong"):
         load_config(str(tmp_path / "none.yaml"))
-    with pytest.raises(ConfigError, match="default"):
+    with pytest.raises(ConfigError, match="strong"):
         load_config("no-such-preset")
 
 
