@@ -16,6 +16,7 @@ from wiclosure.types import FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.links import BoolArray, Links
 
+_LEAST_SIGMA_M, _LEAST_SIGMA_RAD = 0.01, 0.002  # no radio or compass is better, whatever the log says
 _CLIMBING = 0.2  # height over distance from which ranges tell heights; below, they tell as little as a mirror
 
 
@@ -80,17 +81,17 @@ class Observations:
             centre_b=centre_b,
             a_receives=links.a_receives,
             range_m=links.range_m,
-            range_sigma_m=links.range_sigma_m,
+            range_sigma_m=np.maximum(links.range_sigma_m, _LEAST_SIGMA_M),
             direction=direction,
             flat=flat,
-            sigma=links.sigma,
+            sigma=np.maximum(links.sigma, _LEAST_SIGMA_RAD),
             weight=links.weight,
             has_bearing=links.has_bearing,
             independence=independence(links, settings.radio.static_radius_m),
             yaw=links.yaw,
-            yaw_sigma=links.yaw_sigma,
+            yaw_sigma=np.maximum(links.yaw_sigma, _LEAST_SIGMA_RAD),
             near_range_m=near,
-            near_range_sigma_m=near_sigma,
+            near_range_sigma_m=np.maximum(near_sigma, _LEAST_SIGMA_M),
             index_a=links.index_a,
             index_b=links.index_b,
             stamp_ns=links.stamp_a_ns,

@@ -398,3 +398,76 @@ def test_heading_can_be_overridden() -> None:
     result = scene.align(AlignmentSettings(heading="one-way"))
     assert result.heading_knowledge == "one-way"
     assert scene.error_m(result) < 4
+
+
+# -------------------------------------------------------------------------------------------------------- strange input
+angles = st.floats(-7, 7)
+strange_paths = st.lists(
+    st.builds(
+        AoaPath,
+        azimuth=angles,
+        sigma=st.sampled_from([1e-9, 0.1, 3.0, 1e3]),
+        weight=st.sampled_from([0.0, 1e-300, 1.0, 1e9]),
+        elevation=st.none() | st.sampled_from([-np.pi / 2, 0.0, 0.3, np.pi / 2]),
+    ),
+    max_size=3,
+)
+strange_headings = st.builds(
+    Heading, st.integers(0, 10**10), st.sampled_from(["a", "b"]), angles, st.sampled_from([1e-9, 0.1, 1e3])
+)
+arms = st.sampled_from([(0.0, 0.0, 0.0), (0.3, -0.2, 1.0)])
+
+
+@st.composite
+def strange_measurements(draw: st.DrawFn) -> WirelessMeasurement:
+    paths = tuple(draw(strange_paths))
+    ranged = draw(st.booleans()) or not paths
+    receiver, transmitter = draw(st.sampled_from([("a", "b"), ("b", "a")]))
+    return WirelessMeasurement(
+        stamp_ns=draw(st.integers(-1, 11)) * 1_000_000_000,
+        receiver=receiver,
+        transmitter=transmitter,
+        range_m=draw(st.sampled_from([0.0, 1e-12, 5.0, 1e4])) if ranged else None,
+        range_sigma_m=draw(st.sampled_from([1e-9, 0.5, 1e6])) if ranged else None,
+        paths=paths,
+        aoa_frame=draw(st.sampled_from(["body", "odometry", "world"])),
+        lever_arm_receiver=draw(arms),
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(strange_measurements(), max_size=12),
+    st.lists(
+        st.builds(Heading, st.integers(0, 10**10), st.sampled_from(["a", "b"]), angles, st.just(1e-9)), max_size=4
+    ),
+    st.sampled_from(["still", "line", "wander", "one pose"]),
+    st.sampled_from([{}, {"gravity_aligned": False}, {"multipath": "pcm"}, {"heading": "range-only"}]),
+)
+def test_strange_input_gives_an_answer_and_a_reason(
+    measurements: list[WirelessMeasurement], headings: list[Heading], motion: str, changes: dict[str, object]
+) -> None:
+    rng = np.random.default_rng(0)
+    world = {n: wander(rng, 11) for n in ("a", "b")}
+    if motion != "wander":
+        along = np.column_stack([np.arange(11.0) * (motion == "line"), np.zeros(11), np.zeros(11)])
+        world = {n: se3.from_yaw(np.zeros(11), along) for n in ("a", "b")}
+    count = 1 if motion == "one pose" else 11
+    stamps = np.arange(count) * 1_000_000_000
+    trajectories = {n: Trajectory(n, stamps, poses[:count]) for n, poses in world.items()}
+    result = align(
+        "a", "b", trajectories, WirelessLog(tuple(measurements), tuple(headings)), AlignmentSettings(**changes)
+    )
+    assert result.reason
+    assert "\n" not in result.reason
+    if result.best is None:
+        assert result.ambiguous
+        return
+    assert result.covariance is not None
+    assert np.isfinite(result.best.T_a_b).all()
+    assert np.isfinite(result.covariance).all()
+    assert np.isfinite(result.best.log_likelihood)
+    assert np.linalg.eigvalsh(result.covariance).min() > -1e-6 * np.linalg.eigvalsh(result.covariance).max()
+    rows = [m for m, _ in result.best.paths_kept]
+    assert len(rows) == len(set(rows))
+    assert all(-1 <= k < len(measurements[m].paths) for m, k in result.best.paths_kept)
