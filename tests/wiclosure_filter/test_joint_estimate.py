@@ -16,6 +16,7 @@ from wiclosure.types import (
     WirelessLog,
     WirelessMeasurement,
 )
+from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.graph_nodes import MOST_NODES, GraphNodes, without_bias
 from wiclosure.wiclosure_filter.shared_trajectory import share_trajectories
@@ -126,6 +127,30 @@ def test_perfect_input_gives_the_truth(method: str, receiver: str, arms: tuple) 
         rows = model.applies(p, k)
         apart = (truth["beta"].positions[k] - truth["alpha"].positions[p])[rows, :2]
         np.testing.assert_allclose(model.displacement(p[rows], k[rows]), apart, atol=2e-3)
+
+
+def test_tilted_frames_are_found_where_elevations_are_measured() -> None:
+    """All six degrees of freedom: beta's odometry does not know which way is up; displacements are spatial."""
+    truth, odometry = team(7, ["alpha", "beta"])
+    # On a slope that is not flat, or a turn about the plane's axes could not be told.
+    lift = np.zeros((150, 4, 4))
+    lift[:, 2, 3] = 6.0 * np.sin(np.arange(150) / 15.0)
+    truth = {name: Trajectory(name, t.stamps_ns, t.poses + lift, DRIFT) for name, t in truth.items()}
+    tilt = se3.exp(np.array([0.2, -0.15, 0.0, 0.0, 0.0, 0.0]))
+    frames = {"alpha": np.eye(4), "beta": TRUE_FRAMES["beta"] @ tilt}
+    odometry = {name: t.moved(se3.inverse(frames[name])) for name, t in truth.items()}
+    wireless = listen(truth, "alpha", "beta") + listen(truth, "beta", "alpha")
+    settings = FilterSettings(alignment=AlignmentSettings(gravity_aligned=False))
+    kept = tuple((i, 0) for i in range(len(wireless.measurements)))
+    guess = frames["beta"] @ off_by_a_bit() @ se3.inverse(tilt) @ se3.exp(np.array([0.15, -0.1, 0, 0, 0, 0]))
+    alignment = FrameAlignment("alpha", "beta", AlignmentHypothesis(guess, 0.0, kept), np.eye(6), False, "")
+    shared = share_trajectories(odometry, wireless, [alignment], settings)
+    p, k = (grid.ravel() for grid in np.indices((150, 150)))
+    (model,) = shared.estimates["alpha", "beta"].models("alpha", "beta")
+    assert model.displacement(p, k).shape == (22500, 3)
+    apart = truth["beta"].positions[k] - truth["alpha"].positions[p]
+    # The priors on tilt and height, centred on the wrong guess, still pull a little.
+    assert np.abs(np.linalg.norm(model.displacement(p, k), axis=1) - np.linalg.norm(apart, axis=1)).max() < 0.5
 
 
 def test_each_pair_has_one_shortest_route() -> None:
