@@ -16,7 +16,7 @@ from wiclosure.formats.tum import read_tum
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.log import warnings_on_terminal
-from wiclosure.pipeline.output import whole_file
+from wiclosure.pipeline.output import whole_file, whole_folder
 from wiclosure.types import Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -77,6 +77,11 @@ def filter_candidates(
     if outputs.summary is not None:
         with whole_file(outputs.summary) as scratch:
             scratch.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    if outputs.pictures is not None:
+        from wiclosure.wiclosure_filter.plot import save_pictures
+
+        with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
+            save_pictures(result, robots, wireless, config.filter, scratch)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, allow_nan=False))
     elif not quiet:
