@@ -1,6 +1,6 @@
 """Our front end against a bare KISS-ICP loop over the same scans in the same run, and its memory.
 
-Usage: python benchmarks/odometry.py SCANS.npz [--repeat-drive 4]
+Usage: python benchmarks/odometry.py [SCANS.npz] [--repeat-drive 4]
 
 The two loops take turns scan by scan, so that a noisy machine disturbs both alike.  Memory is measured in one process
 for each number of scans: the peak of the resident set (Linux: VmHWM, reset once the recording is loaded).
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import time
 from pathlib import Path
 
@@ -22,6 +23,9 @@ from wiclosure.frontends.config import FrontEndSettings
 from wiclosure.frontends.front_end import FrontEnd
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Scan
+
+
+RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 
 
 class PackedScans:
@@ -94,7 +98,7 @@ def memory(path: Path, laps: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scans", type=Path)
+    parser.add_argument("scans", type=Path, nargs="?", default=RECORDED)
     parser.add_argument("--repeat-drive", type=int, default=4, help="laps of the longer memory test")
     arguments = parser.parse_args()
     overhead(arguments.scans)
