@@ -3,6 +3,7 @@
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scenarios import SCENARIOS, ScenarioSettings, make_scenario
+from wiclosure.simulation.schedule import read_schedule
 
 __all__ = [
     "SCENARIOS",
@@ -10,5 +11,6 @@ __all__ = [
     "Scenario",
     "ScenarioSettings",
     "make_scenario",
+    "read_schedule",
     "simulate_wireless_from_poses",
 ]
