@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
@@ -124,7 +125,8 @@ def _too_few(explanation: Explanation, mixture: Mixture, prior: Prior, settings:
 def _rivals(evidence: FloatArray, different: BoolArray, apart: FloatArray, settings: AlignmentSettings) -> str:
     if not different.any():
         return ""
-    odds = np.exp(evidence[~different] - evidence.max()).sum() / np.exp(evidence[different] - evidence.max()).sum()
+    log_odds = logsumexp(evidence[~different]) - logsumexp(evidence[different])
+    odds = float(np.exp(min(log_odds, 50.0)))
     if odds >= settings.guard.min_odds:
         return ""
     rival = np.flatnonzero(different)[np.argmax(evidence[different])]
