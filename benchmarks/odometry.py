@@ -24,7 +24,6 @@ from wiclosure.frontends.front_end import FrontEnd
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Scan
 
-
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 
 
