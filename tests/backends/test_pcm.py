@@ -260,7 +260,7 @@ class TestRecordedGraphs:
 
 
 @pytest.mark.slow
-def test_a_thousand_closures_are_judged_in_seconds(team_maker):
+def test_of_a_thousand_closures_the_false_ones_are_rejected(team_maker):
     team, rng = team_maker(13, n=400, noise=1.0), np.random.default_rng(13)
     ends = rng.integers(0, 400, (1000, 2))
     closures = [
