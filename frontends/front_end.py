@@ -84,7 +84,7 @@ class FrontEnd:
             robot=self._robot,
             odometry=odometry,
             keyframe_indices=indices,
-            keyframes=odometry.subset(indices),
+            keyframes=odometry.keyframes(indices),
             clouds=tuple(k.cloud for k in self._keyframes),
             descriptors=np.stack([k.descriptor for k in self._keyframes]),
             counts=FrontEndCounts(self._scans, self._sparse, self._late),

@@ -94,7 +94,7 @@ class FrontEndResult:
                 robot=odometry.robot,
                 odometry=odometry,
                 keyframe_indices=indices,
-                keyframes=odometry.subset(indices),
+                keyframes=odometry.keyframes(indices),
                 clouds=tuple(np.split(content["points"], offsets[1:-1])),
                 descriptors=content["descriptors"],
                 counts=FrontEndCounts(*content["counts"].tolist()),

@@ -171,7 +171,7 @@ def filter_(
         list[str],
         typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
     ],
-    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines)")],
+    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
     out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
     summary: Annotated[
         Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)

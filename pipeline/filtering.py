@@ -17,6 +17,8 @@ from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.log import warnings_on_terminal
 from wiclosure.pipeline.output import whole_file, whole_folder
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -109,7 +111,7 @@ def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajec
 def _read_logs(paths: Sequence[Path], robots: dict[str, Trajectory]) -> WirelessLog:
     log = WirelessLog()
     for path in paths:
-        read = read_wireless_log(path)
+        read = read_wireless_topics(path) if path.exists() and bag_kind(path) else read_wireless_log(path)
         if unknown := sorted(read.robots() - set(robots)):
             raise InputError(
                 f"{path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"

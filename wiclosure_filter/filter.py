@@ -150,7 +150,15 @@ def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog
 
 def _continued(earlier: Trajectory, later: Trajectory) -> Trajectory:
     stamps_ns = np.concatenate([earlier.stamps_ns, later.stamps_ns])
-    return Trajectory(earlier.robot, stamps_ns, np.concatenate([earlier.poses, later.poses]), earlier.drift)
+    poses = np.concatenate([earlier.poses, later.poses])
+    finer = None
+    if earlier.finer is not None or later.finer is not None:
+        known, new = earlier.finer or earlier, later.finer or later
+        unseen = np.flatnonzero(new.stamps_ns > known.stamps_ns[-1])
+        finer = (
+            _continued(known, Trajectory(new.robot, new.stamps_ns[unseen], new.poses[unseen])) if len(unseen) else known
+        )
+    return Trajectory(earlier.robot, stamps_ns, poses, earlier.drift, finer)
 
 
 def _best(kept: KeptPairs, budget: int | None) -> KeptPairs:

@@ -34,16 +34,19 @@ class DriftModel(Settings):
 
 @dataclass(frozen=True, eq=False)
 class AccumulatedDrift:
-    """Prefix sums of a drift model along one trajectory of N poses.
+    """Prefix sums of a drift model along one trajectory of N poses, in its odometry frame.
+
+    The variances r (rotation) and t (translation) of a step are the same on all axes, so that with p the position
+    after the step `Ad Q Ad^T = [[r I, r [p]x^T], [r [p]x, r [p]x [p]x^T + t I]]`: eleven numbers a pose hold its sum.
 
     Args:
-        walk: `(N, 6, 6)`, sum of `Ad(T_k) Q_k Ad(T_k)^T` over the steps up to each pose, in the odometry frame.
-        bias: `(N, 6, 6)`, sum of `Ad(T_k) ds_k` over the steps up to each pose.
+        walk: `(N, 11)`, sums of r, r p (3), r p p^T (upper triangle, 6) and t over the steps up to each pose.
+        bias: `(N, 6, 6)`, sums of `Ad(T_k) ds_k`; None where the model has no bias.
         bias_sigma: `(6,)`, standard deviations of the constant error per metre.
     """
 
     walk: FloatArray
-    bias: FloatArray
+    bias: FloatArray | None
     bias_sigma: FloatArray
 
     @classmethod
@@ -51,23 +54,43 @@ class AccumulatedDrift:
         """Accumulates `drift` over the poses `(N, 4, 4)` of one trajectory."""
         step = se3.between(T_odom_body[:-1], T_odom_body[1:])
         length = np.linalg.norm(step[:, :3, 3], axis=1)
-        variance = np.empty((len(step), 6))
-        variance[:, :3] = (drift.rotation_walk**2 * length + drift.rotation_walk_turning**2 * se3.rotation_angle(step))[
-            :, None
-        ]
-        variance[:, 3:] = (drift.translation_walk**2 * length)[:, None]
-        Ad = se3.adjoint(T_odom_body[1:])
-        walk = np.zeros((len(T_odom_body), 6, 6))
-        bias = np.zeros((len(T_odom_body), 6, 6))
-        np.cumsum(np.einsum("nij,nj,nkj->nik", Ad, variance, Ad), axis=0, out=walk[1:])
-        np.cumsum(Ad * length[:, None, None], axis=0, out=bias[1:])
+        rotation = drift.rotation_walk**2 * length + drift.rotation_walk_turning**2 * se3.rotation_angle(step)
+        p = T_odom_body[1:, :3, 3]
+        walk = np.zeros((len(T_odom_body), 11))
+        walk[1:, 0] = rotation
+        walk[1:, 1:4] = rotation[:, None] * p
+        walk[1:, 4:10] = rotation[:, None] * p[:, _UPPER[0]] * p[:, _UPPER[1]]
+        walk[1:, 10] = drift.translation_walk**2 * length
+        np.cumsum(walk, axis=0, out=walk)
         sigma = np.repeat([drift.rotation_bias, drift.translation_bias], 3)
+        if not sigma.any():
+            return cls(walk, None, sigma)
+        bias = np.zeros((len(T_odom_body), 6, 6))
+        np.cumsum(se3.adjoint(T_odom_body[1:]) * length[:, None, None], axis=0, out=bias[1:])
         return cls(walk, bias, sigma)
 
     def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
         """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j, for index arrays `i, j (M,)` in any order."""
-        sign = np.where(i <= j, 1.0, -1.0)[:, None, None]
-        to_j = se3.adjoint(se3.inverse(T_odom_body[j]))
-        bias = (self.bias[j] - self.bias[i]) * self.bias_sigma
-        in_odom = sign * (self.walk[j] - self.walk[i]) + bias @ np.swapaxes(bias, 1, 2)
-        return se3.rotate_covariance(to_j, in_odom)
+        sign = np.where(i <= j, 1.0, -1.0)[:, None]
+        in_odom = _walk_covariance(sign * (self.walk[j] - self.walk[i]))
+        if self.bias is not None:
+            bias = (self.bias[j] - self.bias[i]) * self.bias_sigma
+            in_odom += bias @ np.swapaxes(bias, 1, 2)
+        return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), in_odom)
+
+
+_UPPER = np.triu_indices(3)
+_IDENTITY = np.eye(3)
+
+
+def _walk_covariance(walk: FloatArray) -> FloatArray:
+    """Covariances `(M, 6, 6)` of differences `(M, 11)` of prefix sums."""
+    second_moment = np.empty((len(walk), 3, 3))
+    second_moment[:, _UPPER[0], _UPPER[1]] = second_moment[:, _UPPER[1], _UPPER[0]] = walk[:, 4:10]
+    along = np.trace(second_moment, axis1=1, axis2=2) + walk[:, 10]
+    covariance = np.empty((len(walk), 6, 6))
+    covariance[:, :3, :3] = walk[:, 0, None, None] * _IDENTITY
+    covariance[:, 3:, :3] = se3.skew(walk[:, 1:4])
+    covariance[:, :3, 3:] = np.swapaxes(covariance[:, 3:, :3], 1, 2)
+    covariance[:, 3:, 3:] = along[:, None, None] * _IDENTITY - second_moment
+    return covariance

@@ -63,12 +63,15 @@ class Trajectory:
         stamps_ns: `(N,)` int64, strictly increasing, N >= 1.
         poses: `(N, 4, 4)` `T_odom_body`.
         drift: how the error between two poses grows along the path.
+        finer: the trajectory that these poses were chosen from, as keyframes are: `at` and `covers` look there, so that
+            a robot which stands still between keyframes, or after the last, has a pose at every stamp.
     """
 
     robot: str
     stamps_ns: IntArray
     poses: FloatArray
     drift: DriftModel = field(default_factory=DriftModel)
+    finer: Trajectory | None = None
 
     def __post_init__(self) -> None:
         if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4) or len(self.poses) == 0:
@@ -93,6 +96,11 @@ class Trajectory:
         return len(self.poses)
 
     @property
+    def _known(self) -> Trajectory:
+        """All poses that are known."""
+        return self if self.finer is None else self.finer
+
+    @property
     def positions(self) -> FloatArray:
         """`(N, 3)` positions in the frame of the trajectory."""
         return self.poses[:, :3, 3]
@@ -109,12 +117,13 @@ class Trajectory:
 
     def covers(self, stamps_ns: IntArray, tolerance_ns: int = 0) -> NDArray[np.bool_]:
         """Which of the stamps `(M,)` lie within the time of the trajectory."""
-        after, before = self.stamps_ns[0] - tolerance_ns, self.stamps_ns[-1] + tolerance_ns
+        first_ns, last_ns = self._known.stamps_ns[[0, -1]]
+        after, before = first_ns - tolerance_ns, last_ns + tolerance_ns
         return np.asarray((stamps_ns >= after) & (stamps_ns <= before))
 
     def at(self, stamps_ns: IntArray) -> FloatArray:
         """Interpolated poses `(M, 4, 4)`; stamps outside take the nearest end (ask `covers` first)."""
-        return se3.interpolate(self.stamps_ns, self.poses, stamps_ns)
+        return se3.interpolate(self._known.stamps_ns, self._known.poses, stamps_ns)
 
     def nearest(self, stamps_ns: IntArray) -> IntArray:
         """Indices `(M,)` of the poses nearest in time."""
@@ -124,12 +133,17 @@ class Trajectory:
         return np.where(stamps_ns - self.stamps_ns[lower] <= self.stamps_ns[upper] - stamps_ns, lower, upper)
 
     def subset(self, indices: IntArray) -> Trajectory:
-        """The trajectory through the poses at `indices` (increasing)."""
+        """The trajectory through the poses at `indices` (increasing) alone."""
         return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift)
+
+    def keyframes(self, indices: IntArray) -> Trajectory:
+        """The poses at `indices` (increasing) as keyframes, which remember the poses between."""
+        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift, self._known)
 
     def moved(self, T_new_odom: FloatArray) -> Trajectory:
         """The same trajectory in another frame: poses `T_new_odom @ T_odom_body`."""
-        return Trajectory(self.robot, self.stamps_ns, T_new_odom @ self.poses, self.drift)
+        finer = None if self.finer is None else self.finer.moved(T_new_odom)
+        return Trajectory(self.robot, self.stamps_ns, T_new_odom @ self.poses, self.drift, finer)
 
     def relative_pose(self, i: IntArray, j: IntArray) -> FloatArray:
         """`T_i_j` `(M, 4, 4)` for index arrays `(M,)`."""

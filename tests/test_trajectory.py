@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.errors import InputError
+from wiclosure.types import Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.filter import WiClosureFilter
+
+
+def line(n: int = 11) -> Trajectory:
+    """One metre a second along x; turns at a constant rate."""
+    positions = np.stack([np.arange(n), np.zeros(n), np.zeros(n)], axis=1).astype(float)
+    return Trajectory("alpha", np.arange(n) * 10**9, se3.from_yaw(0.1 * np.arange(n), positions))
+
+
+def test_poses_between_stamps() -> None:
+    at = line().at(np.array([2_500_000_000]))
+    np.testing.assert_allclose(at[0, :3, 3], [2.5, 0, 0])
+    assert se3.yaw(at)[0] == pytest.approx(0.25)
+
+
+def test_stamps_since_1970_keep_their_nanoseconds() -> None:
+    start = 1_700_000_000_123_456_789
+    moving = Trajectory(
+        "alpha", start + np.array([0, 1000]), np.stack([np.eye(4), se3.exp(np.array([0, 0, 0, 1.0, 0, 0]))])
+    )
+    np.testing.assert_allclose(moving.at(np.array([start + 250]))[0, 0, 3], 0.25)
+
+
+def test_keyframes_know_the_poses_between() -> None:
+    """A robot that stands still has a pose there although it makes no keyframe."""
+    odometry = line()
+    keyframes = odometry.keyframes(np.array([0, 4]))
+    np.testing.assert_allclose(keyframes.at(odometry.stamps_ns), odometry.poses, atol=1e-12)
+    assert keyframes.covers(odometry.stamps_ns).all()
+    assert len(keyframes) == 2
+    assert keyframes.nearest(odometry.stamps_ns).tolist() == [0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1]
+    T = se3.exp(np.array([0.1, 0.2, 0.3, 4.0, 5.0, 6.0]))
+    np.testing.assert_allclose(keyframes.moved(T).at(odometry.stamps_ns), T @ odometry.poses, atol=1e-12)
+    np.testing.assert_allclose(keyframes.keyframes(np.array([1])).at(odometry.stamps_ns), odometry.poses, atol=1e-12)
+
+
+@pytest.mark.parametrize("finer", [True, False])
+def test_update_keeps_the_poses_between(finer: bool) -> None:
+    odometry = line()
+    keyframes = odometry.keyframes(np.array([0, 4, 8]))
+    parts = [keyframes.keyframes(np.array([0, 1])), keyframes.keyframes(np.array([2]))]
+    if not finer:
+        parts = [Trajectory(p.robot, p.stamps_ns, p.poses) for p in parts]
+    other = Trajectory("beta", odometry.stamps_ns, odometry.poses)
+    incremental = WiClosureFilter()
+    incremental.update({"alpha": parts[0], "beta": other}, WirelessLog())
+    incremental.update({"alpha": parts[1]}, WirelessLog())
+    whole = incremental._trajectories["alpha"]
+    np.testing.assert_allclose(whole.poses, keyframes.poses)
+    if finer:
+        np.testing.assert_allclose(whole.at(odometry.stamps_ns), odometry.poses, atol=1e-12)
+
+
+def test_nearest_pose() -> None:
+    assert line().nearest(np.array([-5, 2_400_000_000, 2_600_000_000, 99 * 10**9])).tolist() == [0, 2, 3, 10]
+    assert line(1).nearest(np.array([-5, 5])).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "poses", "message"),
+    [
+        ([0, 0], np.tile(np.eye(4), (2, 1, 1)), "pose 1 does not follow"),
+        ([0, 1], np.tile(np.eye(4), (3, 1, 1)), "3 poses"),
+        ([], np.zeros((0, 4, 4)), "alpha"),
+        ([0, 1], np.full((2, 4, 4), np.nan), "pose 0 is not finite"),
+    ],
+)
+def test_bad_trajectories(stamps: list[int], poses: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Trajectory("alpha", np.array(stamps, np.int64), poses)
