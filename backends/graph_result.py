@@ -82,26 +82,33 @@ def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world:
 
 
 def write_g2o(result: GraphResult, path: Path) -> None:
-    """Writes the graph for other solvers; keys are GTSAM symbols (a0, a1, ... for the first robot).
+    """Writes the graph for other solvers.
 
+    Vertices are numbered from 0 over all robots, in the order of `result.trajectories`, because g2o takes 32 bits and
+    GTSAM's own keys need 64; comments at the top say which robot has which.  The first pose of each component is fixed.
     `gtsam.writeG2o` keeps six digits, 1 cm on a path of kilometres; here every digit is kept.
 
     Raises:
         OutputError: the file cannot be written.
     """
     keys = Keys(tuple(result.trajectories))
-    lines = [
-        f"VERTEX_SE3:QUAT {keys(robot, n)} {pose}"
+    sizes = {robot: len(trajectory) for robot, trajectory in result.trajectories.items()}
+    first = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
+    vertex = {keys(robot, n): first[robot] + n for robot, size in sizes.items() for n in range(size)}
+    lines = [f"# keyframes of {robot}: vertices {first[robot]} to {first[robot] + sizes[robot] - 1}" for robot in sizes]
+    lines += [
+        f"VERTEX_SE3:QUAT {first[robot] + n} {pose}"
         for robot, trajectory in result.trajectories.items()
         for n, pose in enumerate(_numbers(trajectory.poses))
     ]
+    lines += [f"FIX {first[component[0]]}" for component in result.components]
     edges = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
     if edges:
         measured = _numbers(np.stack([f.measured().matrix() for f in edges]))
         information = np.stack([_information(f) for f in edges])[:, G2O_ORDER][:, :, G2O_ORDER]
         upper = information[:, *np.triu_indices(6)]
         lines += [
-            f"EDGE_SE3:QUAT {f.keys()[0]} {f.keys()[1]} {pose} {' '.join(map(repr, row))}"
+            f"EDGE_SE3:QUAT {vertex[f.keys()[0]]} {vertex[f.keys()[1]]} {pose} {' '.join(map(repr, row))}"
             for f, pose, row in zip(edges, measured, upper.tolist(), strict=True)
         ]
     try:
