@@ -23,6 +23,7 @@ logger = logging.getLogger(__name__)
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _RESERVED = frozenset({"team"})  # a key beside the robots' names in metrics.json
+_FILES_BESIDE = ("_odometry", "_ground_truth")  # a run folder holds NAME.tum and, of each robot, NAME_odometry.tum ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class Dataset:
         origin: the file that describes the data set, or None.
 
     Raises:
-        InputError: no robots, or a name that cannot be part of a file name.
+        InputError: no robots, a name that cannot be part of a file name, or two whose files would have one name.
     """
 
     robots: Mapping[str, RobotRecording]
@@ -49,6 +50,11 @@ class Dataset:
             if not _NAME.fullmatch(robot) or robot in _RESERVED:
                 raise InputError(
                     f"robot name {robot!r} cannot be used; take letters, digits, '_', '-' and '.', and not 'team'"
+                )
+            if taken := [robot + ending for ending in _FILES_BESIDE if robot + ending in self.robots]:
+                raise InputError(
+                    f"robot names {robot!r} and {taken[0]!r} cannot stand together, for both would have a file"
+                    f" {taken[0]}.tum in the run's folder; rename one of them"
                 )
 
     def scans(self, robot: str, *, limit: int | None = None, salvage: bool = False) -> ScanSource:

@@ -213,6 +213,8 @@ def test_ground_truth_of_another_time(folder: Path, recording: str) -> None:
         (GOOD.replace("alpha:", "7:"), "a robot's name is 7"),
         (GOOD.replace("alpha:", "al/pha:"), "robot name 'al/pha' cannot be used"),
         (GOOD.replace("alpha:", "team:"), "robot name 'team' cannot be used"),
+        (GOOD.replace("alpha:", "beta_odometry:"), "robot names 'beta' and 'beta_odometry' cannot stand together"),
+        (GOOD.replace("alpha:", "beta_ground_truth:"), "'beta' and 'beta_ground_truth'.*rename"),
         ("robots: {}", "names no robots"),
         ("wireless: []", 'has no "robots"'),
         ("", "the file is empty"),
