@@ -22,7 +22,8 @@ def candidate_metrics(
 ) -> CandidateMetrics:
     """Precision, recall and share pruned of the kept pairs; a pair is true within `radius_m`.
 
-    Only pairs of which both keyframes have ground truth count.  True pairs are counted by a tree, without listing them.
+    Only pairs of which both keyframes have ground truth count, except for the share pruned, which needs none and counts
+    all.  True pairs are counted by a tree, without listing them.
     """
     places = {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
     total = true = kept = kept_true = 0
@@ -35,13 +36,14 @@ def candidate_metrics(
         apart = position_a[pair.index_a[counted]] - position_b[pair.index_b[counted]]
         kept += len(apart)
         kept_true += int((np.einsum("ni,ni->n", apart, apart) <= radius_m**2).sum())
+    everything = sum(len(keyframes[pair.robot_a]) * len(keyframes[pair.robot_b]) for pair in pairs)
     return {
         "radius_m": radius_m,
         "true": true if total else None,
         "kept_true": kept_true if total else None,
         "precision": kept_true / kept if kept else None,
         "recall": kept_true / true if true else None,
-        "pruned": 1 - kept / total if total else None,
+        "pruned": 1 - sum(map(len, pairs)) / everything if everything else None,
     }
 
 

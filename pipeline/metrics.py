@@ -6,7 +6,10 @@ from typing import TypedDict
 
 
 class CandidateMetrics(TypedDict):
-    """Kept pairs of keyframes against those that are truly within a radius, over pairs with ground truth."""
+    """Kept pairs of keyframes against those that are truly within a radius, over pairs with ground truth.
+
+    `pruned` needs no ground truth: the share of all pairs that was left out.
+    """
 
     radius_m: float
     true: int | None
