@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Protocol, runtime_checkable
 
-from wiclosure.types import FilterResult, FloatArray, Scan, Trajectory, WirelessLog
+from wiclosure.types import FilterResult, Scan, Trajectory, WirelessLog
 
 
 @runtime_checkable
@@ -27,14 +27,6 @@ class ScanSource(Protocol):
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans in the order of the recording."""
-        ...
-
-
-class Odometry(Protocol):
-    """Follows one sensor through its scans."""
-
-    def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
-        """Next scan in; `stamp_ns` of the pose, `T_odom_body (4, 4)` and the deskewed points `(N, 3)` out."""
         ...
 
 
