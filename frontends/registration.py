@@ -14,9 +14,7 @@ from wiclosure.frontends.measurement import Measurement
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import Closure, Decision, Float32Array, FloatArray
-
-Prior = tuple[FloatArray, FloatArray]
+from wiclosure.types import Closure, Decision, Float32Array, FloatArray, Prior
 
 
 class Registration:

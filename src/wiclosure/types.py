@@ -27,6 +27,9 @@ Float32Array: TypeAlias = NDArray[np.float32]
 
 AoaFrame: TypeAlias = Literal["body", "odometry", "world"]
 
+Prior: TypeAlias = tuple[FloatArray, FloatArray]
+"""A predicted relative pose: `T_a_b (4, 4)` and its covariance `(6, 6)`."""
+
 
 # ------------------------------------------------------------------------------------------------------------- scans
 @dataclass(frozen=True, slots=True, eq=False)
