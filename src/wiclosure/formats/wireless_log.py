@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.stamps import seconds_text
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
@@ -260,11 +261,6 @@ def _angles(paths: tuple[AoaPath, ...]) -> Iterator[float]:
 
 
 # ------------------------------------------------------------------------------------------------------------- writing
-def _seconds(stamp_ns: int) -> str:
-    sign, magnitude = ("-" if stamp_ns < 0 else ""), abs(stamp_ns)
-    return f"{sign}{magnitude // 1_000_000_000}.{magnitude % 1_000_000_000:09d}"
-
-
 def _measurement_line(measurement: WirelessMeasurement) -> str:
     fields: dict[str, object] = {
         "receiver": measurement.receiver,
@@ -300,5 +296,5 @@ def _heading_line(heading: Heading) -> str:
 
 def _line(kind: str, stamps_ns: Mapping[str, int], fields: Mapping[str, object]) -> str:
     """One record; stamps are spelt out because JSON's floats cannot hold nanoseconds since 1970."""
-    stamps = ",".join(f'"{key}":{_seconds(stamp_ns)}' for key, stamp_ns in stamps_ns.items())
+    stamps = ",".join(f'"{key}":{text}' for key, text in zip(stamps_ns, seconds_text(stamps_ns.values()), strict=True))
     return f'{{"type":"{kind}",{stamps},{json.dumps(fields, separators=(",", ":"), allow_nan=False)[1:]}'
