@@ -30,7 +30,14 @@ class RegistrationMethod(Protocol):
         ...
 
     def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
-        """Why the measurement is not believed; empty if it is.  `predicted`: it agrees with a prediction."""
+        """Why the measurement is not believed; empty if it is.
+
+        Args:
+            measurement: one of `measure`.
+            settings: thresholds.
+            predicted: a prediction exists.  Whether the measurement agrees with it is for the caller to judge, who
+                rejects what contradicts; so a method may ask less of measurements that have a prediction to pass.
+        """
         ...
 
 
