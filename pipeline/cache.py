@@ -1,7 +1,8 @@
 """Finished stages on disk, so that an interrupted or repeated run does not start from nothing.
 
 A stage's result is one file named by a hash of all that it depends on: input files (path, size, time of change),
-settings, and the versions of the libraries that compute it.  Old entries are dropped when the cache grows too large.
+settings, the code, and the versions of the libraries that compute it.  Old entries are dropped when the cache grows too
+large.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import json
 import logging
 import os
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
 
@@ -59,10 +62,10 @@ class StageCache:
         if self.folder is None:
             return compute(), False
         entry = self.folder / f"{stage}-{_digest(stage, depends_on)}"
-        if entry.exists():
+        if entry.is_file():
             try:
                 value = load(entry)
-                entry.touch()
+                os.utime(entry)
             except Exception as error:  # whatever is wrong with a cached file: compute it again
                 logger.warning("cached %s cannot be read (%s); it is computed again", entry, error)
                 entry.unlink(missing_ok=True)
@@ -74,7 +77,7 @@ class StageCache:
             with whole_file(entry) as scratch:
                 save(value, scratch)
             self._trim()
-        except OutputError as error:
+        except (OutputError, OSError) as error:
             logger.warning("%s is not kept for later runs: %s", stage, error)
         return value, False
 
@@ -99,6 +102,17 @@ def file_identity(path: Path) -> list[object]:
 
 
 def _digest(stage: str, depends_on: object) -> str:
-    libraries = {name: version(name) for name in ("wiclosure", "kiss-icp", "small-gicp", "numpy")}
-    text = json.dumps([stage, depends_on, libraries], sort_keys=True, default=str)
+    libraries = {name: version(name) for name in ("kiss-icp", "small-gicp", "numpy", "rosbags", "open3d")}
+    text = json.dumps([stage, depends_on, libraries, _code_digest()], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+@cache
+def _code_digest() -> str:
+    """Of the code that turns recordings into front end results: a mended bug must not live on in the cache."""
+    digest = hashlib.sha256()
+    for package in ("wiclosure", "wiclosure.frontends", "wiclosure.pipeline.sources"):
+        for file in sorted(files(package).iterdir(), key=lambda f: f.name):
+            if file.name.endswith(".py"):
+                digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -59,7 +59,7 @@ FilterName = Annotated[
 ]
 Scans = Annotated[int | None, typer.Option("-n", "--n-scans", min=1, help="read only so many scans of each robot")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", min=1, help="processes for odometry, one robot each")]
-Seed = Annotated[int | None, typer.Option("--seed", help="seed of everything random")]
+Seed = Annotated[int | None, typer.Option("--seed", help="seed of the random filter; nothing else is random")]
 Salvage = Annotated[bool, typer.Option("--salvage", help="use what can be read of damaged bags")]
 NoCache = Annotated[bool, typer.Option("--no-cache", help="compute every stage anew, and keep none")]
 Visualise = Annotated[bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")]
@@ -328,7 +328,7 @@ def main() -> None:
     except OSError as error:
         _fail(f"{error.filename or 'a file'}: {error.strerror or error}")
     if code == INTERRUPTED:
-        typer.echo("interrupted; finished stages are kept, the same command goes on from them", err=True)
+        typer.echo("interrupted: nothing is written; finished odometry is kept, unless with --no-cache", err=True)
     sys.exit(code)
 
 

@@ -20,7 +20,7 @@ from wiclosure.pipeline.config import Config, preset_names, resolve
 from wiclosure.pipeline.config import dump_config as config_text
 from wiclosure.pipeline.inputs import Inputs, open_inputs
 from wiclosure.pipeline.log import json_log, warnings_on_terminal
-from wiclosure.pipeline.output import default_folder, point_latest, whole_folder
+from wiclosure.pipeline.output import default_folder, point_latest, require_apart, whole_folder
 from wiclosure.pipeline.progress import BarProgress, NoProgress, Progress
 
 if TYPE_CHECKING:
@@ -75,10 +75,12 @@ def run(
     from wiclosure.pipeline import illustrations, run_folder, tables
     from wiclosure.pipeline import run as running
 
-    with _result_folder(out, overwrite=overwrite) as (folder, scratch):
+    if visualise:
+        require_screen()
+    with _result_folder(out, overwrite=overwrite, data=data) as (folder, scratch):
         inputs = reading.inputs(data)
+        chosen = running.candidate_filter(config.use_filter, inputs, config)
         prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        chosen = prepared.candidate_filter(config.use_filter)
         result = running.run(prepared, chosen, progress=working.progress)
         run_folder.write_run(scratch, result)
         illustrations.illustrate_run(scratch, result)
@@ -102,7 +104,7 @@ def compare(
     working: Working,
 ) -> None:
     """`wiclosure compare`."""
-    with _result_folder(out, overwrite=overwrite) as (folder, scratch):
+    with _result_folder(out, overwrite=overwrite, data=data) as (folder, scratch):
         compared = _compared(data, scratch, filters=filters, config=config, reading=reading, working=working)
     _show(compared, folder, working)
 
@@ -121,8 +123,9 @@ def _compared(
     from wiclosure.pipeline import run as running
 
     inputs = reading.inputs(data)
+    chosen = comparison.filters_named(filters, inputs, config)
     prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-    compared = comparison.compare(prepared, filters, progress=working.progress)
+    compared = comparison.compare(prepared, chosen, progress=working.progress)
     comparison.write_comparison(folder, compared)
     illustrations.illustrate_comparison(folder, compared)
     return compared
@@ -139,9 +142,10 @@ def _show(compared: Comparison, folder: Path, working: Working) -> None:
 
 
 @contextmanager
-def _result_folder(out: Path | None, *, overwrite: bool) -> Iterator[tuple[Path, Path]]:
+def _result_folder(out: Path | None, *, overwrite: bool, data: Sequence[str] = ()) -> Iterator[tuple[Path, Path]]:
     """The folder as it will be, and as it is until then; logs into it, and `latest` points to it at the end."""
     folder = out if out is not None else default_folder()
+    require_apart(folder, (Path(word.partition("=")[2] or word) for word in data))
     with whole_folder(folder, overwrite=overwrite) as scratch, json_log(scratch / "log.jsonl"), warnings_on_terminal():
         yield folder, scratch
     if out is None:
@@ -252,14 +256,18 @@ def dump_config(source: str | None, overrides: Sequence[str] | None, *, presets:
     typer.echo("\n".join(preset_names()) if presets else config_text(resolve(source, overrides)).rstrip())
 
 
-def show_map(path: Path) -> None:
-    """A window with the merged map.
+def require_screen() -> None:
+    """Fails where no window can be opened.
 
     Raises:
         ConfigError: there is no screen.
     """
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ConfigError(f"there is no screen to show the map on; open {path} elsewhere")
+        raise ConfigError("there is no screen for --visualize; leave it out, and open the result's map.ply elsewhere")
+
+
+def show_map(path: Path) -> None:
+    """A window with the merged map."""
     import open3d as o3d
 
     o3d.visualization.draw_geometries([o3d.io.read_point_cloud(path)], window_name=str(path))

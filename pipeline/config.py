@@ -49,7 +49,6 @@ class Config(Settings):
     pose_graph: PoseGraphSettings = PoseGraphSettings()
     map: MapSettings = MapSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
-    seed: int = Field(0, ge=0, description="seed of everything random, so that a run can be repeated")
 
 
 def load_config(
@@ -94,7 +93,7 @@ def resolve(
     """
     words = list(overrides or ())
     if seed is not None:
-        words.append(f"seed={seed}")
+        words.append(f"filter.random.seed={seed}")
     if use_filter is not None:
         words.append(f"use_filter={use_filter}")
     return load_config(source, environment=os.environ, overrides=words)

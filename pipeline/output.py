@@ -5,34 +5,35 @@ from __future__ import annotations
 import errno
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
 from wiclosure.errors import OutputError
 
+MARK = ".wiclosure"
+"""A file in every folder that is written here; no other folder is ever replaced."""
+
 
 def default_folder(results: Path = Path("results")) -> Path:
-    """`results/<time>`, unused."""
-    name = datetime.now().astimezone().strftime("%Y-%m-%d_%H-%M-%S")
-    folder, count = results / name, 1
-    while folder.exists():
-        count += 1
-        folder = results / f"{name}_{count}"
-    return folder
+    """`results/<time>`, to the millisecond, so that runs started together do not meet."""
+    return results / datetime.now().astimezone().strftime("%Y-%m-%d_%H-%M-%S.%f")[:-3]
 
 
 def require_free(out: Path, *, overwrite: bool) -> None:
     """Fails before any work is done when `out` cannot become the result.
 
     Raises:
-        OutputError: `out` exists and `overwrite` is false, or its parent cannot be written.
+        OutputError: `out` exists and `overwrite` is false, or it is nothing that this program wrote, or its parent
+            cannot be written.
     """
     if out.exists() and not overwrite:
         raise OutputError(f"{out} exists already; choose another --out, or replace it with --overwrite")
     if out.exists() and not out.is_dir():
         raise OutputError(f"{out} is a file, not a folder; choose another --out")
+    if out.exists() and not (out / MARK).exists() and any(out.iterdir()):
+        raise OutputError(f"{out} was not written by wiclosure and is not replaced; choose another --out")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out.parent).close()
@@ -51,7 +52,9 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
     scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".unfinished", dir=out.parent))
     try:
         yield scratch
+        (scratch / MARK).write_text("written by wiclosure; --overwrite may replace this folder\n")
         scratch.chmod(0o755)  # mkdtemp makes folders that nobody else can read
+        require_free(out, overwrite=overwrite)  # again: another run may have been quicker
         _replace(out, scratch)
     except OSError as error:
         if error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
@@ -62,6 +65,17 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             shutil.rmtree(scratch)
+
+
+def require_apart(out: Path, inputs: Iterable[Path]) -> None:
+    """Fails when writing `out` would touch what is read.
+
+    Raises:
+        OutputError: an input lies in `out`, or is `out`.
+    """
+    for path in inputs:
+        if path.resolve().is_relative_to(out.resolve()):
+            raise OutputError(f"writing {out} would replace {path}, which is read; choose another --out")
 
 
 @contextmanager

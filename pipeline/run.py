@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import carried
 from wiclosure.backends.merged_map import MergedMap, merge_maps
@@ -19,7 +19,7 @@ from wiclosure.pipeline.inputs import Inputs
 from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.odometry_stage import front_ends, left_out
 from wiclosure.pipeline.progress import Progress
-from wiclosure.pipeline.solve import RegistrationMemory, Solution, solve
+from wiclosure.pipeline.solve import Registered, RegistrationMemory, Solution, solve
 from wiclosure.types import Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -57,24 +57,31 @@ class Prepared:
     config: Config
     fronts: dict[str, FrontEndResult]
     from_cache: tuple[str, ...]
-    memory: RegistrationMemory
+    known: dict[object, Registered] = field(default_factory=dict)
 
-    def candidate_filter(self, name: str) -> CandidateFilter:
-        """The filter of that name, with this run's settings and ground truth."""
-        truth = self.inputs.ground_truth
-        return make_filter(name, self.config.filter, truth if len(truth) == len(self.fronts) else None)
+
+def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
+    """The filter of that name, with the settings of the run, and ground truth where every robot has it.
+
+    Raises:
+        ConfigError: no such filter, or the oracle without ground truth.
+    """
+    truth = inputs.ground_truth
+    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None)
 
 
 def prepare(inputs: Inputs, config: Config, *, cache: StageCache, jobs: int, progress: Progress) -> Prepared:
-    """Opens what can fail early, then does every robot's own part: odometry, keyframes, descriptors."""
+    """Every robot's own part: odometry, keyframes, descriptors."""
     fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress)
-    return Prepared(inputs, config, fronts, from_cache, RegistrationMemory(Registration(config.registration)))
+    return Prepared(inputs, config, fronts, from_cache)
 
 
-def run(prepared: Prepared, candidate_filter: CandidateFilter, *, progress: Progress) -> RunResult:
+def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
     """Filters, matches, verifies, optimises, maps and evaluates."""
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
-    solution = solve(fronts, inputs.wireless, candidate_filter, config, memory=prepared.memory, progress=progress)
+    # A registration of its own for every run: preparing a cloud is part of what each run costs.
+    memory = RegistrationMemory(Registration(config.registration), prepared.known)
+    solution = solve(fronts, inputs.wireless, chosen, config, memory=memory, progress=progress)
     merged = {
         robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()
@@ -122,6 +129,10 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
 def _about_inputs(prepared: Prepared) -> list[str]:
     inputs, fronts = prepared.inputs, prepared.fronts
     sentences = [s for robot in inputs.robots for s in left_out(robot, fronts[robot.robot])]
+    if prepared.from_cache:
+        sentences.append(
+            f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"
+        )
     if len(inputs.robots) == 1:
         sentences.append("there is one robot only, so there is nothing to merge: its map is that of plain odometry")
     return sentences

@@ -45,6 +45,9 @@ def read_metrics(folder: Path) -> Metrics:
         InputError: the folder is not one that `wiclosure run` wrote.
     """
     path = folder / "metrics.json"
+    if not path.exists() and (folder / "comparison.json").exists():
+        arms = ", ".join(str(arm.parent) for arm in sorted(folder.glob("*/metrics.json")))
+        raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {arms}")
     try:
         metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,11 +19,12 @@ from wiclosure.frontends.registration import Registration
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.progress import Progress
-from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, FloatArray, KeyframeId, WirelessLog
+from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, KeyframeId, Prior, WirelessLog
 
 logger = logging.getLogger(__name__)
 
-Prior = tuple[FloatArray, FloatArray]
+_WITH_FIGURES = re.compile(r"-?\d+(\.\d+)?")
+BYTES_PER_POSE = 64  # stamp, position and quaternion, 8 bytes each
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,28 +52,34 @@ class Solution:
     diagnosis: tuple[str, ...]
 
 
-@dataclass
-class RegistrationMemory:
-    """Registrations done before, by all that they depend on, with the time each took.
+@dataclass(frozen=True, slots=True, eq=False)
+class Registered:
+    """A verified or rejected closure, and the seconds that its registration took."""
 
-    Arms of a comparison share it: a pair registered from the same start is registered once, and its time is charged to
-    every arm that needs it.
+    closure: Closure
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationMemory:
+    """Registrations done before, by all that they depend on.
+
+    Arms of a comparison share `known`: a pair registered from the same start is registered once, and its time is
+    charged to every arm that needs it.
     """
 
     registration: Registration
-    known: dict[tuple[object, ...], tuple[Closure, float]] = field(default_factory=dict)
+    known: dict[object, Registered]
 
-    def verify(
-        self, proposed: Closure, fronts: Mapping[str, FrontEndResult], prior: Prior | None
-    ) -> tuple[Closure, float]:
-        """The verified or rejected closure, and the seconds that its registration took."""
+    def verify(self, proposed: Closure, fronts: Mapping[str, FrontEndResult], prior: Prior | None) -> Registered:
+        """The closure measured, now or before."""
         start = [part.tobytes() for part in prior] if prior is not None else [proposed.evidence.scan_context_yaw]
         key = (proposed.query, proposed.match, *start)
         if key not in self.known:
             began = time.perf_counter()
             query, match_ = (fronts[k.robot].clouds[k.index] for k in (proposed.query, proposed.match))
             verified = self.registration.verify(proposed, query, match_, prior)
-            self.known[key] = verified, time.perf_counter() - began
+            self.known[key] = Registered(verified, time.perf_counter() - began)
         return self.known[key]
 
 
@@ -135,18 +143,21 @@ def _verify(
         for closure in result.closures
     ]
     done = [memory.verify(closure, fronts, prior) for closure, prior in progress.track(work, "registration", len(work))]
-    return [closure for closure, _ in done], sum(seconds for _, seconds in done)
+    return [registered.closure for registered in done], sum(registered.seconds for registered in done)
 
 
 def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts: Mapping[str, FrontEndResult]) -> int:
     """What crosses the radio link: robot_b of each pair sends, robot_a compares.
 
-    Descriptors of the keyframes that occur in kept pairs, then clouds of those in proposed closures, each once.
+    A filter that predicts needs the keyframe trajectory first; then go descriptors of the keyframes that occur in kept
+    pairs, then clouds of those in proposed closures, each once.
     """
+    predicted = {pairs.robot_b for pairs in filtered.pairs if pairs.predictor is not None}
+    trajectories = sum(len(fronts[b].keyframes) * BYTES_PER_POSE for b in predicted)
     described = {(p.robot_a, p.robot_b): np.unique(p.index_b) for p in filtered.pairs}
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
     sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures}
-    return int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
+    return trajectories + int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
 
 
 def _nothing_left(
@@ -155,7 +166,7 @@ def _nothing_left(
     """Where the candidates were lost, said when nothing reached the graph."""
     if any(c.decision is Decision.ACCEPTED for c in closures) or not filtered.pairs:
         return ()
-    reasons = Counter(c.reason for c in closures if c.decision is Decision.REJECTED)
+    reasons = Counter(_WITH_FIGURES.sub("...", c.reason) for c in closures if c.decision is Decision.REJECTED)
     often = f"; most often: {reasons.most_common(1)[0][0]}" if reasons else ""
     return (
         f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"

@@ -8,11 +8,16 @@ size alone.  The unit is decided on the first sweep and kept, until a later swee
 **Reference.**  Times count from the header's stamp (which may be the sweep's start, middle or end: they may be
 negative) or from the epoch.  Whichever of zero and the stamp lies nearer to the sweep is the reference.  When neither
 is within 1.5 s, the sensor has a clock of its own (since power-on, TAI): the earliest point is put at the stamp.
+
+**Strays.**  A scan's pose belongs to its last point, so one wrong time would put a whole scan out of order.  Times that
+lie outside the span of the middle 98 % by more than that span again are taken for wrong, and their points are left out.
+That is 1 % of the points at either end at most; if more than that are late, they are part of the sweep.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any
 
 import numpy as np
@@ -26,7 +31,8 @@ LONGEST_SWEEP_S = 1.5
 _NS_PER_UNIT = (10**9, 10**6, 10**3, 1)  # s, ms, us, ns: the largest that fits is taken
 _DATED_S = 1e8  # stamps beyond 1973 are dates: absolute times are then told from relative ones by their size
 _OTHER_EPOCH_S = 100.0  # TAI and GPS clocks are 18 to 37 s off; the unit is still certain
-_RARE = 0.01  # share of points at either end that must not decide the unit
+_RARE = 0.01  # share of points at either end that must not decide the unit, and that may be strays
+_FEWEST = 20  # points; among fewer nothing can be called rare
 
 
 class PointClock:
@@ -61,6 +67,16 @@ class PointClock:
         if not self._warned:
             logger.warning("per-point times of one sweep span %.3g s; such sweeps are used without them", span_s)
             self._warned = True
+
+
+def strays(raw: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which of the recorded times `(N,)`, finite numbers, lie so far from nearly all others that they must be wrong."""
+    if len(raw) < _FEWEST:
+        return np.zeros(len(raw), bool)
+    times = raw.astype(np.float64, copy=False)  # good to 256 ns for nanoseconds since 1970: far below any span
+    rare = math.ceil(_RARE * len(times))
+    low, high = np.partition(times, [rare, len(times) - 1 - rare])[[rare, len(times) - 1 - rare]]
+    return np.asarray((times < low - (high - low)) | (times > high + (high - low)))
 
 
 def _decide_unit(values: NDArray[Any], stamp_ns: int) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.point_times import PointClock
+from wiclosure.pipeline.sources.point_times import PointClock, strays
 from wiclosure.types import Float32Array, FloatArray, Scan
 
 POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -118,11 +118,14 @@ def timed_scan(
     raw_times: NDArray[Any] | None,
     intensity: NDArray[Any] | None = None,
 ) -> Scan:
-    """A scan of returns `(N, 3)` with their recorded times; points whose time is not a number are dropped."""
+    """A scan of returns `(N, 3)` with their recorded times; points whose time is not a number or a stray are left out."""
     if raw_times is not None and len(raw_times) and not np.isfinite(raw_times.min() + raw_times.max()):
         timed = np.isfinite(raw_times)
         points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
         intensity = None if intensity is None or raw_times is None else intensity[timed]
+    if raw_times is not None and (stray := strays(raw_times)).any():
+        points, raw_times = points[~stray], raw_times[~stray]
+        intensity = None if intensity is None else intensity[~stray]
     times = None if raw_times is None else clock.seconds_after(stamp_ns, raw_times)
     intensity32: Float32Array | None = None if intensity is None else intensity.astype(np.float32, copy=False)
     return Scan(stamp_ns, points, times, intensity32)

@@ -99,6 +99,12 @@ def test_no_wireless_log_passes_all_pairs_and_says_so(wiclosure: Call) -> None:
     assert any("no measurement" in s or "heard" in s for s in metrics["diagnosis"]), metrics["diagnosis"]
 
 
+def test_output_over_the_input_is_refused(wiclosure: Call) -> None:
+    write_kitti_folder("data/alpha", SCANS)
+    refused(wiclosure("run", "alpha=data/alpha", "--out", "data", "--overwrite"), "which is read")
+    assert Path("data/alpha/times.txt").exists()
+
+
 def test_one_robot_is_plain_slam(wiclosure: Call) -> None:
     write_kitti_folder("alpha", SCANS)
     code, out, _ = wiclosure("run", "alpha", "--out", "run")
@@ -180,7 +186,7 @@ def test_help_of_every_command(wiclosure: Call) -> None:
         (["run", "alpha", "--set", "keyframes.distance_m=-1"], ["keyframes.distance_m", "-1"]),
         (["run", "alpha", "--wireless", "missing.jsonl"], ["missing.jsonl"]),
         (["run", "alpha", "--filter", "oracle"], ["ground truth"]),
-        (["run", "alpha", "--out", "alpha"], ["alpha exists", "--overwrite"]),
+        (["run", "alpha", "--out", "alpha"], ["alpha, which is read"]),
         (["compare", "alpha", "--filters", ""], ["--filters"]),
         (["compare", "alpha", "--filters", "none,none"], ["named twice"]),
         (["compare", "alpha", "--filters", "none,magic"], ["magic"]),
@@ -294,7 +300,7 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err.strip() == "interrupted; finished stages are kept, the same command goes on from them"
+    assert err.strip() == "interrupted: nothing is written; finished odometry is kept, unless with --no-cache"
     assert not Path("run").exists()
     assert not list(tmp_path.glob(".run*"))
     assert len(list(finished.glob("front-end-*"))) == 1

@@ -15,10 +15,10 @@ def test_defaults() -> None:
 
 def test_later_places_win(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text("keyframes: {distance_m: 2.0, rotation_rad: 0.3}\nseed: 1\n")
-    environment = {"WICLOSURE_KEYFRAMES__DISTANCE_M": "3.0", "WICLOSURE_SEED": "2", "PATH": "/bin"}
-    config = load_config(str(file), environment=environment, overrides=["seed=3"])
-    assert (config.keyframes.rotation_rad, config.keyframes.distance_m, config.seed) == (0.3, 3.0, 3)
+    file.write_text("keyframes: {distance_m: 2.0, rotation_rad: 0.3}\nmap: {voxel_size_m: 0.1}\n")
+    environment = {"WICLOSURE_KEYFRAMES__DISTANCE_M": "3.0", "WICLOSURE_MAP__VOXEL_SIZE_M": "0.2", "PATH": "/bin"}
+    config = load_config(str(file), environment=environment, overrides=["map.voxel_size_m=0.3"])
+    assert (config.keyframes.rotation_rad, config.keyframes.distance_m, config.map.voxel_size_m) == (0.3, 3.0, 0.3)
 
 
 def test_dump_reads_back(tmp_path: Path) -> None:

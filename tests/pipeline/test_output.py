@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import errno
+import time
 from pathlib import Path
 
 import pytest
 
 from wiclosure.errors import OutputError
-from wiclosure.pipeline.output import default_folder, point_latest, whole_file, whole_folder
+from wiclosure.pipeline.output import MARK, default_folder, point_latest, require_apart, whole_file, whole_folder
 
 
 def test_folder_appears_whole(tmp_path: Path) -> None:
@@ -28,20 +29,41 @@ def test_folder_of_a_failed_run_does_not_appear(tmp_path: Path, failure: BaseExc
 
 def test_existing_folder_is_replaced_only_when_asked(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    out.mkdir()
-    (out / "old.txt").write_text("old")
+    with whole_folder(out) as scratch:
+        (scratch / "old.txt").write_text("old")
     with pytest.raises(OutputError, match="--overwrite"), whole_folder(out):
         pass
     with whole_folder(out, overwrite=True) as scratch:
         (scratch / "new.txt").write_text("new")
-    assert [p.name for p in out.iterdir()] == ["new.txt"]
+    assert {p.name for p in out.iterdir()} == {"new.txt", MARK}
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_folders_of_others_are_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(OutputError, match="not written by wiclosure"), whole_folder(tmp_path, overwrite=True):
+        pass
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_a_result_that_appeared_meanwhile_stays(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="exists already"), whole_folder(tmp_path / "run") as mine:
+        (mine / "a.txt").write_text("mine")
+        with whole_folder(tmp_path / "run") as quicker:
+            (quicker / "a.txt").write_text("quicker")
+    assert (tmp_path / "run" / "a.txt").read_text() == "quicker"
+
+
+def test_what_is_read_is_not_written_over(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="which is read"):
+        require_apart(tmp_path, [tmp_path / "data" / "alpha.bag"])
+    require_apart(tmp_path / "run", [tmp_path / "data" / "alpha.bag"])
 
 
 def test_failed_overwrite_keeps_the_old_result(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    out.mkdir()
-    (out / "old.txt").write_text("old")
+    with whole_folder(out) as scratch:
+        (scratch / "old.txt").write_text("old")
     with pytest.raises(RuntimeError), whole_folder(out, overwrite=True):
         raise RuntimeError
     assert (out / "old.txt").read_text() == "old"
@@ -92,5 +114,5 @@ def test_latest_is_a_relative_link(tmp_path: Path) -> None:
 
 def test_default_folders_do_not_collide(tmp_path: Path) -> None:
     first = default_folder(tmp_path)
-    first.mkdir()
+    time.sleep(0.002)
     assert default_folder(tmp_path) != first

@@ -229,6 +229,26 @@ def test_points_without_a_time_are_dropped_where_others_have_one() -> None:
     assert len(scan.points) == len(scan.times) == len(scan.intensity) == 49
 
 
+@pytest.mark.parametrize(("wrong_s", "unit"), [(1.2, "f4"), (-1.2, "f4"), (0.25, "f4"), (40.0, "f8")])
+def test_a_stray_time_costs_its_point_and_not_the_scan(wrong_s: float, unit: str) -> None:
+    time = np.linspace(0, 0.1, 500, dtype=unit).reshape(1, 500)
+    time[0, [7, 300]] = wrong_s
+    columns = xyz(time.shape) | {"time": time, "intensity": np.arange(500, dtype="f4").reshape(1, 500)}
+    scan = decode(Cloud(columns))
+    assert scan.times is not None
+    assert scan.intensity is not None
+    assert set(range(500)) - set(scan.intensity.astype(int).tolist()) == {7, 300}
+    np.testing.assert_allclose(scan.times, np.delete(np.linspace(0, 0.1, 500), [7, 300]), atol=1e-7)
+
+
+def test_many_late_points_are_part_of_the_sweep() -> None:
+    time = np.linspace(0, 0.1, 500, dtype="f4").reshape(1, 500)
+    time[0, :50] = 0.9
+    scan = decode(Cloud(xyz(time.shape) | {"time": time}))
+    assert scan.times is not None
+    assert len(scan.times) == 500
+
+
 def test_a_header_without_stamp_takes_the_time_of_reception() -> None:
     assert PointCloud2Decoder().decode(Cloud(xyz(), stamp_ns=0).message(), received_ns=77).stamp_ns == 77
 
