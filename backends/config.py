@@ -69,6 +69,12 @@ class PcmSettings(Settings):
         description="chance that two unrelated false closures agree (0.0003 measured on street scenes, with a margin);"
         " the set must be larger than chance makes it among so many closures: 2 of up to 10, 3 of up to 400",
     )
+    min_extent_m: float = Field(
+        3.0,
+        ge=0,
+        description="m that a set must span on both robots' paths unless a prediction supports it: neighbouring"
+        " keyframes of one look-alike place agree with each other whatever the place (guard only)",
+    )
     time_budget_s: float = Field(
         5.0, gt=0, description="s for each pair of robots; then the largest set found so far is used and reported so"
     )

@@ -94,7 +94,9 @@ def pairwise_consistent(
         checked = found.subset(np.flatnonzero(~stray))
         consistent = consistency_matrix(checked, trajectories, settings)
         degrees |= dict(zip(checked.rows.tolist(), consistent.sum(axis=1).tolist(), strict=True))
-        report, verdicts = _judge(checked, consistent, settings)
+        alone = not any(np.isfinite(closures[row].evidence.prior_chi2) for row in checked.rows)
+        places = _places(checked, trajectories) if alone else None
+        report, verdicts = _judge(checked, consistent, places, settings)
         decisions |= verdicts
         reports.append(report)
         logger.info(report.sentence)
@@ -188,14 +190,17 @@ def _pairs_in_chunks(n: int) -> Iterator[tuple[IntArray, IntArray]]:
 
 # --------------------------------------------------------------------------------------------------------- judgement
 def _judge(
-    z: ClosureSet, consistent: BoolArray, settings: PcmSettings
+    z: ClosureSet, consistent: BoolArray, places: FloatArray | None, settings: PcmSettings
 ) -> tuple[PairConsistency, dict[int, tuple[Decision, str]]]:
-    """Finds the largest set of one pair of robots and decides whether to believe it."""
+    """Finds the largest set of one pair of robots and decides whether to believe it.
+
+    `places (2, N, 3)` are where the closures lie on either robot's path, None where a prediction supports some.
+    """
     best = max_clique(consistent, time_budget_s=settings.time_budget_s)
     members = np.zeros(len(z), bool)
     members[list(best.members)] = True
     rival = _rival(consistent, members, settings)
-    doubt = _doubt(z, consistent, members, rival, settings)
+    doubt = _doubt(z, consistent, members, rival, settings) or _one_place(z, members, places, settings)
     verdicts = _verdicts(z, consistent, members, doubt)
     kept = 0 if doubt else len(best)
     sentence = f"{z.name}: " + (doubt or f"{kept} of {len(z)} closures agree and are accepted")
@@ -226,6 +231,25 @@ def _doubt(z: ClosureSet, consistent: BoolArray, members: BoolArray, rival: Cliq
     if chance_sets(consistent, members, settings.chance) > BELIEVABLE_CHANCE:
         return f"the largest set has {size} of {total} closures, which chance could explain"
     return ""
+
+
+def _places(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
+    """Positions `(2, N, 3)` of the closures' ends, each in its robot's odometry frame."""
+    ends = ((z.robot_a, z.index_a), (z.robot_b, z.index_b))
+    return np.stack([trajectories[robot].positions[index] for robot, index in ends])
+
+
+def _one_place(z: ClosureSet, members: BoolArray, places: FloatArray | None, settings: PcmSettings) -> str:
+    """Whether the set is of one place only, which a look-alike place would give as well; empty if it is not."""
+    if places is None or not settings.guard or not z.between_robots:
+        return ""
+    extent_m = float(np.linalg.norm(np.ptp(places[:, members], axis=1), axis=1).min())
+    if extent_m >= settings.min_extent_m:
+        return ""
+    return (
+        f"all {int(members.sum())} closures that agree lie within {extent_m:.1f} m, as those of one look-alike place"
+        f" would; {settings.min_extent_m:g} m are needed without a prediction (pcm.min_extent_m)"
+    )
 
 
 def _too_few(size: int, total: int, needed: int) -> str:

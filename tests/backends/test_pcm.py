@@ -19,7 +19,7 @@ from wiclosure.backends.pcm import (
     pairwise_consistent,
 )
 from wiclosure.errors import InputError
-from wiclosure.types import Decision, Trajectory
+from wiclosure.types import Closure, Decision, Evidence, KeyframeId, Trajectory
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -98,9 +98,32 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
 @pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
 def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
     team, rng = team_maker(2), np.random.default_rng(2)
-    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings())
+    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings(min_extent_m=0.0))
     assert result.pairs[0].kept == kept
     assert ("cannot be checked" in result.diagnosis[0]) == (count == 1)
+
+
+@pytest.mark.parametrize("predicted", [False, True])
+def test_neighbours_of_one_place_need_a_prediction(team_maker, predicted):
+    """Keyframes next to each other see one look-alike place from one false pose: they agree, and are all wrong."""
+    team = team_maker(2)
+    evidence = Evidence(prior_chi2=3.0) if predicted else Evidence()
+    elsewhere = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    closures = [
+        Closure(
+            KeyframeId("alpha", 10 + n),
+            KeyframeId("beta", 20 + n),
+            se3.between(team.truth["alpha"].poses[10 + n], elsewhere @ team.truth["beta"].poses[20 + n]),
+            np.diag([1e-4] * 6),
+            evidence,
+            Decision.VERIFIED,
+        )
+        for n in range(3)
+    ]
+    result = pairwise_consistent(closures, team.odometry, PcmSettings(min_extent_m=1000.0))
+    assert result.pairs[0].kept == (3 if predicted else 0)
+    assert predicted or "look-alike" in result.closures[0].reason
+    assert pairwise_consistent(closures, team.odometry, PcmSettings(min_extent_m=0.0)).pairs[0].kept == 3
 
 
 def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_maker):
