@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help setup test test-all lint demo bench package clean
+.PHONY: help setup test test-slow lint demo bench package clean
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -24,8 +24,8 @@ lint: setup ## ruff, mypy strict, import contracts
 test: lint ## lint, and the quick tests
 	$(BIN)/pytest -m "not slow"
 
-test-all: lint ## lint, and all tests
-	$(BIN)/pytest
+test-slow: setup ## the tests that take longer: recorded drives, packaging
+	$(BIN)/pytest -m slow
 
 demo: setup ## simulate two robots, merge them with the wireless filter off and on
 	$(BIN)/wiclosure demo --out results/demo --overwrite
