@@ -118,7 +118,7 @@ def timed_scan(
     raw_times: NDArray[Any] | None,
     intensity: NDArray[Any] | None = None,
 ) -> Scan:
-    """A scan of returns `(N, 3)` with their recorded times; points whose time is not a number or a stray are left out."""
+    """A scan of returns `(N, 3)` with their recorded times, but for points whose time is not a number or a stray."""
     if raw_times is not None and len(raw_times) and not np.isfinite(raw_times.min() + raw_times.max()):
         timed = np.isfinite(raw_times)
         points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
