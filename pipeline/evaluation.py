@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
 
+from wiclosure.pipeline.body_axes import OrientedTruth, in_lidar_axes
 from wiclosure.pipeline.closure_quality import candidate_metrics, closure_metrics
 from wiclosure.pipeline.metrics import AlignmentMetrics, ComponentMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.trajectory_error import (
     Matched,
-    all_matched,
     inter_robot_error,
     joint_errors,
+    matched,
     relative_errors,
     rms,
 )
@@ -78,7 +80,8 @@ def evaluate(
     """
     gap_s = settings.ground_truth_gap_s
     ambiguous = {frozenset((a.robot_a, a.robot_b)): a.ambiguous for a in filtered.alignments}
-    trajectories = evaluate_trajectories(merged, components, truth, settings, ambiguous)
+    oriented = in_lidar_axes(merged, truth, gap_s)
+    trajectories = _evaluate_trajectories(merged, components, oriented, settings, ambiguous)
     return {
         "filter": filtered.filter_name,
         "pairs_total": filtered.pairs_total,
@@ -93,7 +96,7 @@ def evaluate(
             verified,
             closures,
             keyframes,
-            truth,
+            oriented.oriented,
             error_m=settings.closure_error_m,
             error_deg=settings.closure_error_deg,
             gap_s=gap_s,
@@ -122,7 +125,18 @@ def evaluate_trajectories(
         settings: how ground truth is used.
         ambiguous: for pairs of robots, whether the radio's alignment was ambiguous.
     """
-    robots = all_matched(merged, truth, settings.ground_truth_gap_s)
+    oriented = in_lidar_axes(merged, truth, settings.ground_truth_gap_s)
+    return _evaluate_trajectories(merged, components, oriented, settings, ambiguous or {})
+
+
+def _evaluate_trajectories(
+    merged: Mapping[str, Trajectory],
+    components: Sequence[Sequence[str]],
+    oriented: OrientedTruth,
+    settings: EvaluationSettings,
+    ambiguous: Mapping[frozenset[str], bool],
+) -> TrajectoryMetrics:
+    robots = _all_matched(merged, oriented, settings.ground_truth_gap_s)
     by_component = [joint_errors([robots[robot] for robot in group]) for group in components]
     errors = {robot: error for group in by_component for robot, error in group.items()}
     parts: list[ComponentMetrics] = [
@@ -136,8 +150,16 @@ def evaluate_trajectories(
         "ate_own_m": {name: _rms_of_all(joint_errors([robot])) for name, robot in robots.items()},
         "components": parts,
         "rpe": {name: relative_errors(robot, settings.rpe_distance_m) for name, robot in robots.items() if len(robot)},
-        "alignment": _alignments(robots, components, ambiguous or {}),
-        "diagnosis": _remarks(robots, judged, truth),
+        "alignment": _alignments(robots, components, ambiguous),
+        "diagnosis": [*oriented.remarks, *_remarks(robots, judged, oriented.truth)],
+    }
+
+
+def _all_matched(trajectories: Mapping[str, Trajectory], oriented: OrientedTruth, gap_s: float) -> dict[str, Matched]:
+    """`matched` for each robot; empty where there is no ground truth."""
+    return {
+        robot: replace(matched(trajectory, oriented.truth.get(robot), gap_s), oriented=robot not in oriented.unoriented)
+        for robot, trajectory in trajectories.items()
     }
 
 

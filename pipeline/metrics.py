@@ -1,4 +1,7 @@
-"""The contents of `metrics.json`, typed. `None` stands where there is no ground truth, or nothing to divide by."""
+"""The contents of `metrics.json`, typed.
+
+`None` stands where there is no ground truth, or one without the orientations needed, or nothing to divide by.
+"""
 
 from __future__ import annotations
 

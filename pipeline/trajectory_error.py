@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,11 +22,13 @@ class Matched:
         robot: its name.
         estimate: `(N, 4, 4)` `T_world_body` of the run.
         truth: `(N, 4, 4)` `T_truth_body` at the same stamps.
+        oriented: whether ground truth's orientations mean anything; without them relative poses cannot be judged.
     """
 
     robot: str
     estimate: FloatArray
     truth: FloatArray
+    oriented: bool = True
 
     def __len__(self) -> int:
         return len(self.estimate)
@@ -63,6 +65,12 @@ def rigid_alignment(source: FloatArray, target: FloatArray) -> FloatArray:
     return _from_correlation((target - centre_target).T @ (source - centre_source), centre_source, centre_target)
 
 
+def best_rotation(correlation: FloatArray) -> FloatArray:
+    """The proper rotation `R (3, 3)` that maximises `trace(R^T correlation)`: Wahba's problem."""
+    U, _, Vt = np.linalg.svd(correlation)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt)
+
+
 def position_errors(estimate: FloatArray, truth: FloatArray, T_truth_estimate: FloatArray) -> FloatArray:
     """Distances `(N,)` between the positions of aligned estimate and truth."""
     aligned = estimate[:, :3, 3] @ T_truth_estimate[:3, :3].T + T_truth_estimate[:3, 3]
@@ -89,9 +97,9 @@ def inter_robot_error(a: Matched, b: Matched) -> tuple[float, float] | None:
     """How far (m) and how much turned (degrees) b's trajectory lies from where a's says it should.
 
     Both are aligned to ground truth separately; the difference of the alignments is taken at the middle of b's path.
-    None without ground truth.
+    None without ground truth or its orientations.
     """
-    if not len(a) or not len(b):
+    if not (len(a) and len(b) and a.oriented and b.oriented):
         return None
     T_b_b = se3.between(T_truth_estimate(a), T_truth_estimate(b))  # identity if both lie right relative to each other
     middle = b.estimate[:, :3, 3].mean(axis=0)
@@ -109,9 +117,12 @@ def T_truth_estimate(robot: Matched) -> FloatArray:
 
 
 def relative_errors(robot: Matched, distance_m: float) -> RelativeErrorMetrics:
-    """Relative pose errors from each pose to the next, and to the first one `distance_m` of true path further on."""
-    n = len(robot)
-    steps = np.linalg.norm(np.diff(robot.truth[:, :3, 3], axis=0), axis=1)
+    """Relative pose errors from each pose to the next, and to the first one `distance_m` of true path further on.
+
+    None where ground truth has no orientations: what lies ahead is not known then.
+    """
+    n = len(robot) if robot.oriented else 0
+    steps = np.linalg.norm(np.diff(robot.truth[:n, :3, 3], axis=0), axis=1)
     travelled = np.concatenate([[0.0], np.cumsum(steps)])[:n]
     step_m, step_deg = _relative(robot, np.arange(max(n - 1, 0)), np.arange(1, n))
     ends = np.searchsorted(travelled, travelled + distance_m)
@@ -136,15 +147,7 @@ def _relative(robot: Matched, i: np.ndarray, j: np.ndarray) -> tuple[FloatArray,
     return np.linalg.norm(error[:, :3, 3], axis=1), np.degrees(se3.rotation_angle(error))
 
 
-def all_matched(
-    trajectories: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
-) -> dict[str, Matched]:
-    """`matched` for each robot; empty where there is no ground truth."""
-    return {robot: matched(trajectory, truth.get(robot), gap_s) for robot, trajectory in trajectories.items()}
-
-
 def _from_correlation(correlation: FloatArray, centre_source: FloatArray, centre_target: FloatArray) -> FloatArray:
-    """The proper rotation that maximises `trace(R^T correlation)`, and the translation that joins the centres."""
-    U, _, Vt = np.linalg.svd(correlation)
-    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    """The rotation that `best_rotation` gives, and the translation that joins the centres."""
+    R = best_rotation(correlation)
     return se3.from_rotation_translation(R, centre_target - R @ centre_source)
