@@ -70,11 +70,12 @@ def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, P
     in_wheel = set(zipfile.ZipFile(wheel).namelist())
     with tarfile.open(sdist) as archive:
         in_sdist = {name.partition("/")[2] for name in archive.getnames()}
+    tracked = [Path(line) for line in run("git", "-C", REPOSITORY, "ls-files").splitlines()]
     for package, folder in FOLDERS.items():
-        for file in (REPOSITORY / folder).glob("*"):
-            if file.suffix in {".py", ".yaml", ".typed"}:
+        for file in tracked:
+            if file.parent == Path(folder) and file.suffix in {".py", ".yaml", ".typed"}:
                 assert f"{package.replace('.', '/')}/{file.name}" in in_wheel
-                assert f"{folder}/{file.name}" in in_sdist
+                assert str(file) in in_sdist
     assert not any(name.startswith(("pipeline/", "configs/", "tests/")) for name in in_wheel)
 
 
