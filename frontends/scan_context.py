@@ -26,13 +26,14 @@ def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -
 
     Heights are counted from `height_offset_m` below the sensor, and what lies deeper is left out.
     """
-    x, y, z = np.asarray(points, np.float32).T
-    distance = np.hypot(x, y)
+    x, y, z = np.array(points.T, np.float32, order="C")  # one coordinate after the other: twice as fast below
+    distance = np.sqrt(x * x + y * y)
     height = z + np.float32(settings.height_offset_m)
     used = (distance < settings.max_range_m) & (height > 0)
-    ring = (distance[used] * (settings.rings / settings.max_range_m)).astype(np.intp)
-    turn = np.arctan2(y[used], x[used]) / (2 * np.pi) % 1.0
-    sector = np.minimum((turn * settings.sectors).astype(np.intp), settings.sectors - 1)
+    ring = (distance[used] * np.float32(settings.rings / settings.max_range_m)).astype(np.intp)
+    # Azimuths in (-pi, pi]: the floor of a negative share wraps around to the last sectors.
+    share = np.arctan2(y[used], x[used]) * np.float32(settings.sectors / (2 * np.pi))
+    sector = np.floor(share).astype(np.intp) % settings.sectors
     # Rounding may push a point just inside the range onto the ring beyond the last.
     bins = np.minimum(ring, settings.rings - 1) * settings.sectors + sector
     image = np.zeros(settings.rings * settings.sectors, np.float32)
