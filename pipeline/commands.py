@@ -226,13 +226,13 @@ def split(
 def evaluate(folder: Path, *, as_json: bool) -> None:
     """`wiclosure eval`."""
     from wiclosure.pipeline.evaluation import evaluate_trajectories
-    from wiclosure.pipeline.run_folder import read_metrics, read_trajectories
+    from wiclosure.pipeline.run_folder import read_evaluation_settings, read_metrics, read_trajectories
     from wiclosure.pipeline.tables import trajectory_table
 
     components = [component["robots"] for component in read_metrics(folder)["components"]]
-    config = resolve(str(folder / "config.yaml"), None)
+    settings = read_evaluation_settings(folder)
     merged, truth = read_trajectories(folder)
-    errors = evaluate_trajectories(merged, components, truth, config.evaluation)
+    errors = evaluate_trajectories(merged, components, truth, settings)
     if as_json:
         typer.echo(json.dumps(errors, indent=2))
     else:

@@ -139,7 +139,7 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
 
     Args:
         args: one `dataset.yaml` (or its folder), or recordings as `alpha=path`; a path alone is named by its file name.
-        topic: PointCloud2 topic of all bags for which the file states none.
+        topic: PointCloud2 topic of all bags, whatever the file states.
         wireless: wireless logs besides those of the file.
 
     Raises:
@@ -157,7 +157,7 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
         if not path.exists():
             raise InputError(f"wireless log {path} does not exist; check the path")
     if topic is not None:
-        robots = {robot: replace(r, topic=r.topic or topic) for robot, r in robots.items()}
+        robots = {robot: replace(r, topic=topic) for robot, r in robots.items()}
     return Dataset(robots, (*logs, *extra), origin)
 
 

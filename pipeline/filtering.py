@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,11 @@ from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
+logger = logging.getLogger(__name__)
+
+MANY_PAIRS = 5_000_000
+"""From here on writing takes long enough to say so: some 20 s and 400 MB."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
@@ -38,6 +44,8 @@ class Outputs:
         Raises:
             OutputError: it exists.
         """
+        if self.candidates is not None and self.candidates == self.summary:
+            raise OutputError(f"{self.summary} is named for the candidates and for the summary; name two files")
         for path in (self.candidates, self.summary, self.pictures):
             if path is not None and path.exists() and not self.overwrite:
                 raise OutputError(f"{path} exists already; choose another name, or replace it with --overwrite")
@@ -72,10 +80,16 @@ def filter_candidates(
         robots = _read_trajectories(trajectories, config)
         wireless = _read_logs(logs, robots)
         result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
-    summary = filter_summary(result)
-    if outputs.candidates is not None:
-        with whole_file(outputs.candidates) as scratch:
-            write_candidates(scratch, result.pairs, robots)
+        summary = filter_summary(result)
+        if outputs.candidates is not None:
+            if result.pairs_kept > MANY_PAIRS:
+                logger.warning(
+                    "%s pairs are written to %s; thin the trajectories to keyframes, a metre or two apart, for fewer",
+                    f"{result.pairs_kept:,}",
+                    outputs.candidates,
+                )
+            with whole_file(outputs.candidates) as scratch:
+                write_candidates(scratch, result.pairs, robots)
     if outputs.summary is not None:
         with whole_file(outputs.summary) as scratch:
             scratch.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")

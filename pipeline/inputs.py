@@ -21,12 +21,14 @@ class RobotInput:
         scans: where they are read from.
         identity: what tells this recording from any other and from its changed self.
         ground_truth: `T_world_body`, one world for all robots, or None.
+        salvaged: whether what is damaged is read as far as it goes.
     """
 
     robot: str
     scans: ScanSource
     identity: object
     ground_truth: Trajectory | None
+    salvaged: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +56,7 @@ def open_inputs(
 
     Args:
         data: one `dataset.yaml`, or recordings as `alpha=path`.
-        topic: PointCloud2 topic of bags for which the data set states none.
+        topic: PointCloud2 topic of all bags, whatever the data set states.
         wireless: wireless logs besides those of the data set.
         limit: read at most so many scans a robot.
         salvage: use what can be read of damaged bags.
@@ -69,6 +71,7 @@ def open_inputs(
             scans=dataset.scans(robot, limit=limit, salvage=salvage),
             identity=[file_identity(recording.scans), recording.topic, recording.time_offset_ns, limit, salvage],
             ground_truth=dataset.ground_truth(robot, salvage=salvage),
+            salvaged=salvage,
         )
         for robot, recording in dataset.robots.items()
     )

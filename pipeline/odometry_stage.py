@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.config import FrontEndSettings
@@ -33,9 +34,7 @@ def front_ends(
     """
     settings = FrontEndSettings(odometry=config.odometry, keyframes=config.keyframes, scan_context=config.scan_context)
     if jobs > 1 and len(robots) > 1:
-        with ProcessPoolExecutor(min(jobs, len(robots)), mp_context=get_context("spawn")) as pool:
-            work = [pool.submit(_cached, robot, settings, config.drift, cache, NoProgress()) for robot in robots]
-            done = [future.result() for future in progress.track(work, "odometry", len(work))]
+        done = _in_processes(robots, settings, config.drift, cache, min(jobs, len(robots)), progress)
     else:
         done = [_cached(robot, settings, config.drift, cache, progress) for robot in robots]
     names = [robot.robot for robot in robots]
@@ -51,9 +50,36 @@ def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
         sentences.append(f"{counts.sparse} of {counts.scans} scans have too few points in range and were skipped")
     if counts.late:
         sentences.append(f"{counts.late} of {counts.scans} scans have stamps that repeat or go back and were skipped")
+    if robot.salvaged:
+        sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
     if counts.scans < len(robot.scans):
         sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
     return tuple(f"{robot.robot}: {sentence}" for sentence in sentences)
+
+
+def _in_processes(
+    robots: Sequence[RobotInput],
+    settings: FrontEndSettings,
+    drift: DriftModel,
+    cache: StageCache,
+    jobs: int,
+    progress: Progress,
+) -> list[tuple[FrontEndResult, bool]]:
+    """One robot a process; when this one is interrupted, the workers are ended and not waited for."""
+    # Ctrl-C reaches workers too, even while they still import: they inherit that it is none of their business.
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+    try:
+        work = [pool.submit(_cached, robot, settings, drift, cache, NoProgress()) for robot in robots]
+        signal.signal(signal.SIGINT, handler)
+        return [future.result() for future in progress.track(work, "odometry", len(work))]
+    except BaseException:
+        for worker in active_children():
+            worker.terminate()
+        raise
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        pool.shutdown(cancel_futures=True)
 
 
 def _cached(

@@ -128,7 +128,8 @@ def draw_candidates(
     if near.any():
         handles.append(Patch(color=MISSED, label=f"not kept, within {radius_m:g} m"))
     handles.append(Line2D([], [], color=CLOSURE, marker="x", linestyle="", label="accepted closure"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    columns = 4 if len(arms) > 1 else 2  # what fits the width
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     _save(figure, path)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import yaml
+
 from wiclosure.backends.graph_result import write_g2o
 from wiclosure.backends.merged_map import write_ply
 from wiclosure.errors import InputError
@@ -12,6 +14,7 @@ from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.closures_csv import write_closures
 from wiclosure.pipeline.config import dump_config
+from wiclosure.pipeline.evaluation import EvaluationSettings
 from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.run import RunResult
 from wiclosure.types import Trajectory
@@ -57,6 +60,19 @@ def read_metrics(folder: Path) -> Metrics:
     if "components" not in metrics:
         raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
     return metrics
+
+
+def read_evaluation_settings(folder: Path) -> EvaluationSettings:
+    """How the run was evaluated; the rest of its configuration may be of another version.
+
+    Raises:
+        InputError: the configuration is missing or damaged.
+    """
+    path = folder / "config.yaml"
+    try:
+        return EvaluationSettings.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")).get("evaluation", {}))
+    except (OSError, yaml.YAMLError, AttributeError, ValueError) as error:
+        raise InputError(f"{path} does not hold the configuration of a run: {error}") from error
 
 
 def read_trajectories(folder: Path) -> tuple[dict[str, Trajectory], dict[str, Trajectory]]:

@@ -23,7 +23,7 @@ from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, Key
 
 logger = logging.getLogger(__name__)
 
-_WITH_FIGURES = re.compile(r"-?\d+(\.\d+)?")
+_FIGURES = re.compile(r"-?\d+(\.\d+)?")
 BYTES_PER_POSE = 64  # stamp, position and quaternion, 8 bytes each
 
 
@@ -166,8 +166,10 @@ def _nothing_left(
     """Where the candidates were lost, said when nothing reached the graph."""
     if any(c.decision is Decision.ACCEPTED for c in closures) or not filtered.pairs:
         return ()
-    reasons = Counter(_WITH_FIGURES.sub("...", c.reason) for c in closures if c.decision is Decision.REJECTED)
-    often = f"; most often: {reasons.most_common(1)[0][0]}" if reasons else ""
+    reasons = [c.reason for c in closures if c.decision is Decision.REJECTED]
+    kinds = Counter(_FIGURES.sub("", reason) for reason in reasons)
+    usual = next((r for r in reasons if _FIGURES.sub("", r) == kinds.most_common(1)[0][0]), "")
+    often = f"; for example: {usual}" if usual else ""
     return (
         f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
         f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration verified"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 import numpy as np
 
@@ -150,8 +151,9 @@ def _followed(
     observations = found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
     if found.chosen is None and drift_matters(found.drift, observations):
-        frames = follow_drift(state, found.mixture, found.drift, found.prior, trajectories, settings)
-        state, explanation, covariance = frames.state, frames.explanation, frames.covariance
+        with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
+            frames = follow_drift(state, found.mixture, found.drift, found.prior, trajectories, settings)
+            state, explanation, covariance = frames.state, frames.explanation, frames.covariance
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
         log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -52,6 +53,14 @@ def _returns(rows: NDArray[np.float32]) -> CloudColumns:
     return CloudColumns(rows[:, :3].astype(np.float64), None, rows[:, 3])
 
 
+_PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+
+
 def read_with_open3d(path: Path) -> CloudColumns:
     """A PCD or PLY file, ASCII or binary; per-point times and intensity by their usual names.
 
@@ -60,6 +69,8 @@ def read_with_open3d(path: Path) -> CloudColumns:
     """
     import open3d as o3d
 
+    if path.suffix.lower() == ".ply":
+        _refuse_cut_ply(path)  # Open3D would fill up with whatever lies in memory
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         cloud = o3d.t.io.read_point_cloud(path)
     columns = {name.lower(): cloud.point[name].numpy() for name in cloud.point}
@@ -69,6 +80,19 @@ def read_with_open3d(path: Path) -> CloudColumns:
     keep = are_returns(*points.T)
     times = _first(columns, TIME_FIELDS, keep)
     return CloudColumns(points[keep], times, _first(columns, INTENSITY_FIELDS, keep))
+
+
+def _refuse_cut_ply(path: Path) -> None:
+    """Compares what the header announces with the bytes, or lines, that are there."""
+    header, end, body = path.read_bytes().partition(b"end_header")
+    vertices = re.search(rb"element vertex (\d+)((?:\s+(?:property|comment)[^\n]*)*)", header)
+    if not end or vertices is None:
+        raise InputError(f"{path} has no whole PLY header; copy it again or remove it")
+    types = re.findall(rb"property (\w+) \w+", vertices[2])
+    announced, size = int(vertices[1]), sum(_PLY_BYTES.get(name.decode(), 0) for name in types)
+    there = len(body.split(b"\n")) - 1 if b"format ascii" in header else len(body) // max(size, 1)
+    if there < announced:
+        raise InputError(f"{path} is cut short: {announced} points are announced, {there} there; copy or remove it")
 
 
 def _first(columns: Mapping[str, NDArray[Any]], names: tuple[str, ...], keep: NDArray[np.bool_]) -> NDArray[Any] | None:

@@ -93,7 +93,10 @@ def choose_topic(path: Path, topics: Mapping[str, BagTopic], requested: str | No
     else:
         filled = [name for name, topic in clouds.items() if topic.count] or list(clouds)
         if len(filled) > 1:
-            raise InputError(f"{path} has several topics of point clouds: {_listed(clouds)}; choose one with --topic")
+            raise InputError(
+                f"{path} has several topics of point clouds: {_listed(clouds)}; choose one with --topic,"
+                " or for each robot in a dataset.yaml"
+            )
         name = filled[0]
     if topics[name].count == 0:
         raise InputError(f"topic {name} of {path} has no messages; {_choices(clouds)}")

@@ -288,17 +288,18 @@ def test_full_disk_leaves_the_old_result(wiclosure: Call, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path) -> None:
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str) -> None:
     write_kitti_folder("alpha", SCANS)
     write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
-    command = [sys.executable, "-m", "wiclosure.pipeline.cli", "run", "alpha", "beta", "--out", "run", "-q"]
+    command = [sys.executable, "-m", "wiclosure.pipeline.cli", "run", "alpha", "beta", "--out", "run", "-q", "-j", jobs]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     finished = tmp_path / "cache"
     deadline = time.monotonic() + 60
     while not (finished.is_dir() and list(finished.glob("front-end-*"))) and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.strip() == "interrupted: nothing is written; finished odometry is kept, unless with --no-cache"
     assert not Path("run").exists()

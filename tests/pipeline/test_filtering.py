@@ -96,8 +96,8 @@ def test_true_pairs_are_kept_and_others_pruned(files: dict[str, Trajectory], wic
 
 def test_pictures_are_drawn(files: dict[str, Trajectory], wiclosure: Call) -> None:
     assert wiclosure("--plot", "pictures", "--quiet") == (0, "", "")
-    assert [p.suffix for p in Path("pictures").iterdir()] == [".png"] * len(list(Path("pictures").iterdir()))
-    assert list(Path("pictures").iterdir())
+    (picture,) = Path("pictures").glob("*.png")
+    assert picture.stat().st_size > 10_000
 
 
 def test_no_measurement_passes_all_pairs_and_says_so(files: dict[str, Trajectory], wiclosure: Call) -> None:
