@@ -63,11 +63,11 @@ class MatchingSettings(Settings):
         0.4, gt=0, le=1, description="scan context distance; on a street 0.2 for scans 1 m apart, 0.4 for 5 m, else 0.5"
     )
     max_distance_with_prediction: float = Field(
-        0.6,
+        0.4,
         gt=0,
         le=1,
-        description="the same where the filter predicts the pose: the descriptor then only ranks, as"
-        " scans 5-20 m apart look unlike each other and can still be registered from a prediction",
+        description="the same where the filter predicts the pose; well below the 0.5 of unrelated scans: pairs beyond"
+        " are mostly far apart, cost as much to register, and measure the pose less well",
     )
 
 

@@ -105,6 +105,7 @@ def _comparison_rows(arms: Mapping[str, Metrics]) -> list[tuple[str, list[str], 
     """Label, one cell an arm, and which of the cells are best (none where all are)."""
     rows: list[tuple[str, Callable[[Metrics], float | None], str, Better]] = [
         ("pairs kept", lambda m: m["pairs_kept"], "{:,.0f}", None),
+        ("  pruned", lambda m: m["candidates"]["pruned"], "{:.1%}", None),
         ("  precision, overlapping", lambda m: m["candidates"]["precision"], "{:.1%}", "high"),
         ("  recall, overlapping", lambda m: m["candidates"]["recall"], "{:.1%}", "high"),
         ("  recall, registrable", lambda m: m["candidates_registrable"]["recall"], "{:.1%}", "high"),
