@@ -104,12 +104,12 @@ class FrontEnd:
         return True
 
     def _remember(self, stamp_ns: int, T_odom_body: FloatArray, points: FloatArray) -> Keyframe:
-        voxel_m = self._settings.keyframes.cloud_voxel_size_m or self._odometry.voxel_size_m / 2
+        voxel_m = self._settings.keyframes.cloud_voxel_size_m
         keyframe = Keyframe(
             key=KeyframeId(self._robot, len(self._keyframes)),
             stamp_ns=stamp_ns,
             T_odom_body=T_odom_body,
-            cloud=thinned(points, voxel_m),
+            cloud=self._odometry.thinned.astype(np.float32) if voxel_m is None else thinned(points, voxel_m),
             descriptor=describe(points, self._settings.scan_context),
         )
         self._keyframes.append(keyframe)

@@ -35,7 +35,7 @@ class KissOdometry:
 
     def __init__(self, settings: OdometrySettings | None = None) -> None:
         self._settings = settings or OdometrySettings()
-        self._kiss: KissICP | None = None
+        self._kiss: _KissICP | None = None
         self._last_stamps_ns: tuple[int, ...] = ()
         self.voxel_size_m = self._settings.voxel_size_m or float("nan")
 
@@ -53,6 +53,17 @@ class KissOdometry:
         points, _ = self._kiss.register_frame(scan.points, times)
         self._last_stamps_ns = (*self._last_stamps_ns[-1:], stamp_ns)
         return stamp_ns, np.array(self._kiss.last_pose), points
+
+    @property
+    def thinned(self) -> FloatArray:
+        """The last scan's points as they went into the map: `(M, 3)`, one a voxel of half `voxel_size_m`.
+
+        Raises:
+            ValueError: no scan was registered yet.
+        """
+        if self._kiss is None:
+            raise ValueError("no scan was registered yet")
+        return self._kiss.frame_downsample
 
     def pose_stamp_ns(self, scan: Scan) -> int:
         """The instant to which the pose of this scan will belong."""
@@ -79,12 +90,12 @@ class KissOdometry:
         share = float(np.ptp(times)) / max(interval_s, 1e-6)
         return 1.0 if abs(share - 1.0) < _JITTER else min(share, 1.0)
 
-    def _start(self, first: Scan) -> KissICP:
+    def _start(self, first: Scan) -> _KissICP:
         settings = self._settings
         if settings.voxel_size_m is None:
             self.voxel_size_m = voxel_size_m(first.points)
         logger.debug("odometry: voxels of %.3f m", self.voxel_size_m)
-        kiss = KissICP(
+        kiss = _KissICP(
             KISSConfig(
                 data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
                 mapping=MappingConfig(voxel_size=self.voxel_size_m),
@@ -93,6 +104,17 @@ class KissOdometry:
         )
         kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
         return kiss
+
+
+class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
+    """KISS-ICP that keeps the thinned scan: thinning it again for keyframes would take as long as describing it."""
+
+    frame_downsample: FloatArray
+
+    def voxelize(self, iframe: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The points to register, and those for the map."""
+        source, self.frame_downsample = super().voxelize(iframe)
+        return source, self.frame_downsample
 
 
 class _SweepPreprocessor:
