@@ -119,7 +119,7 @@ def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
 def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) -> Mapping[str, Any]:
     if not isinstance(value, dict):
         raise InputError(
-            f"{path}: {what} is {_shown(value)}; expected keys with values, see {DATASET_FILE} in the manual"
+            f"{path}: {what} is {_shown(value)}; expected keys with values, see {DATASET_FILE} in the README"
         )
     for key in value:
         if known and key not in known:

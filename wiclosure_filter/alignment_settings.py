@@ -69,7 +69,9 @@ class AlignmentSettings(Settings):
         True, description="true: odometry z points up, yaw and translation are sought; false: all of SE(3)"
     )
     stamp_tolerance_s: float = Field(
-        1.0, ge=0.0, description="s; measurements further outside a trajectory's time are left out and counted"
+        0.2,
+        ge=0.0,
+        description="s, about a scan; measurements further outside a trajectory's time are left out and counted",
     )
     reciprocal_tolerance_s: float = Field(
         1.0, ge=0.0, description="s between the two directions of a reciprocal bearing"
