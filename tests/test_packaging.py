@@ -80,12 +80,14 @@ def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, P
 
 
 @pytest.mark.slow
-def test_wheel_runs_in_a_clean_environment(distributions: tuple[Path, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [0, 1], ids=["wheel", "sdist"])
+def test_distributions_run_in_a_clean_environment(distributions: tuple[Path, Path], tmp_path: Path, kind: int) -> None:
     run(sys.executable, "-m", "venv", tmp_path / "clean")
     python = tmp_path / "clean/bin/python"
-    run(python, "-m", "pip", "install", "--no-deps", "--no-index", distributions[0])
     # The dependencies come from this environment; a path entry shows its packages but not its editable install.
     dependencies = sysconfig.get_paths()["purelib"]
+    offline = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
+    run(python, "-m", "pip", "install", *offline, distributions[kind], PYTHONPATH=dependencies)
     where = run(python, "-c", "import wiclosure.pipeline.cli as m; print(m.__file__)", PYTHONPATH=dependencies)
     assert Path(where.strip()).is_relative_to(tmp_path / "clean")
     config = run(tmp_path / "clean/bin/wiclosure", "dump-config", PYTHONPATH=dependencies)
