@@ -6,7 +6,6 @@ pair of robots and the odometry between their ends make a cycle; for true closur
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import comb
@@ -20,8 +19,6 @@ from wiclosure.backends.closure_sets import ClosureSet, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.max_clique import Clique, max_clique
 from wiclosure.types import Closure, Decision, FloatArray, IntArray, Trajectory
-
-logger = logging.getLogger(__name__)
 
 BoolArray = NDArray[np.bool_]
 PAIRS_AT_ONCE = 20_000  # of closures; bounds memory to some 50 MB
@@ -99,7 +96,6 @@ def pairwise_consistent(
         report, verdicts = _judge(checked, consistent, places, settings)
         decisions |= verdicts
         reports.append(report)
-        logger.info(report.sentence)
     result = decided(closures, decisions)
     for row, degree in degrees.items():
         result[row] = replace(result[row], evidence=replace(result[row].evidence, consistent_with=degree))

@@ -70,7 +70,7 @@ def optimise(
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept)
     graph = _final_graph(trajectories, kept, groups, found.poses)
-    result = GraphResult(
+    return GraphResult(
         trajectories={r: Trajectory(r, t.stamps_ns, found.poses[r], t.drift) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
@@ -79,9 +79,6 @@ def optimise(
         graph=graph,
         values=_values(found.poses),
     )
-    for sentence in result.diagnosis:
-        logger.info(sentence)
-    return result
 
 
 def _estimate(

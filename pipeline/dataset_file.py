@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.dataset import Dataset
 
 DATASET_FILE = "dataset.yaml"
+WIRELESS_FILE = "wireless.jsonl"
 
 
 def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path, ...]]:

@@ -10,7 +10,7 @@ from wiclosure.errors import ConfigError
 from wiclosure.formats.tum import write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.pipeline.dataset import Dataset
-from wiclosure.pipeline.dataset_file import DATASET_FILE, write_dataset
+from wiclosure.pipeline.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.recording import RobotRecording
@@ -18,8 +18,6 @@ from wiclosure.simulation.scenario import Scenario
 from wiclosure.types import Scan, WirelessLog
 
 Recorder: TypeAlias = Callable[[Path, Iterable[Scan], WirelessLog], Path]
-
-WIRELESS_FILE = "wireless.jsonl"
 
 
 def _ros1(stem: Path, scans: Iterable[Scan], wireless: WirelessLog) -> Path:

@@ -19,7 +19,7 @@ from wiclosure.formats.stamps import seconds_text
 from wiclosure.formats.tum import write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.pipeline.dataset import Dataset, load_dataset
-from wiclosure.pipeline.dataset_file import DATASET_FILE, write_dataset
+from wiclosure.pipeline.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.ground_truth import kitti_ground_truth
 from wiclosure.pipeline.output import whole_folder
 from wiclosure.pipeline.recording import RobotRecording
@@ -29,7 +29,6 @@ from wiclosure.types import IntArray, Trajectory, WirelessLog
 logger = logging.getLogger(__name__)
 
 NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa")
-WIRELESS_FILE = "wireless.jsonl"
 SPLIT_FILE = "split.json"
 
 HeardBy = Callable[[Dataset], WirelessLog]

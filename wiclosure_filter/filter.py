@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from time import perf_counter
 
@@ -23,8 +22,6 @@ from wiclosure.wiclosure_filter.gates import make_gate
 from wiclosure.wiclosure_filter.overlap_search import KeptPairs, SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs
 from wiclosure.wiclosure_filter.shared_trajectory import SharedTrajectory, share_trajectories
-
-logger = logging.getLogger(__name__)
 
 
 class WiClosureFilter:
@@ -55,8 +52,6 @@ class WiClosureFilter:
         # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
         pairs = tuple(self.pairs_of(a, b, trajectories, shared) for a, b in robot_pairs(list(trajectories)))
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(trajectories, alignments, shared))
-        for sentence in diagnosis:
-            logger.info(sentence)
         return FilterResult(
             filter_name=self.name,
             pairs=pairs,
