@@ -25,6 +25,9 @@ logger = logging.getLogger(__name__)
 
 Value = TypeVar("Value")
 
+_FRONT_END_CODE = ("wiclosure", "wiclosure.frontends", "wiclosure.pipeline.sources")
+"""What turns recordings into front end results."""
+
 
 def default_cache_folder() -> Path:
     """`WICLOSURE_CACHE`, or `wiclosure` in the user's cache folder."""
@@ -103,15 +106,15 @@ def file_identity(path: Path) -> list[object]:
 
 def _digest(stage: str, depends_on: object) -> str:
     libraries = {name: version(name) for name in ("kiss-icp", "small-gicp", "numpy", "rosbags", "open3d")}
-    text = json.dumps([stage, depends_on, libraries, _code_digest()], sort_keys=True, default=str)
+    text = json.dumps([stage, depends_on, libraries, code_digest(_FRONT_END_CODE)], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 @cache
-def _code_digest() -> str:
-    """Of the code that turns recordings into front end results: a mended bug must not live on in the cache."""
+def code_digest(packages: tuple[str, ...]) -> str:
+    """Of these packages' code: a mended bug must not live on in the cache."""
     digest = hashlib.sha256()
-    for package in ("wiclosure", "wiclosure.frontends", "wiclosure.pipeline.sources"):
+    for package in packages:
         for file in sorted(files(package).iterdir(), key=lambda f: f.name):
             if file.name.endswith(".py"):
                 digest.update(file.read_bytes())

@@ -71,7 +71,7 @@ def load_config(
     if source is not None:
         layers.append(_read_file(source))
     layers.append(("the environment", _from_environment(environment or {})))
-    layers.append(("--set", _from_overrides(overrides)))
+    layers.append(("--set", nested_words(overrides, "--set")))
     merged: dict[str, Any] = {}
     for place, layer in layers:
         merged = _merge(merged, layer)
@@ -79,7 +79,7 @@ def load_config(
         try:
             config = Config.model_validate(merged)
         except ValidationError as error:
-            raise ConfigError(_explain(error, place)) from None
+            raise ConfigError(explain(error, place, Config)) from None
     return config
 
 
@@ -145,12 +145,17 @@ def _from_environment(environment: Mapping[str, str]) -> dict[str, Any]:
     return nested
 
 
-def _from_overrides(overrides: Sequence[str]) -> dict[str, Any]:
+def nested_words(words: Sequence[str], place: str) -> dict[str, Any]:
+    """`key.path=value` words, values in YAML, as nested keys; `place` is where they stand, for messages.
+
+    Raises:
+        ConfigError: a word of another form.
+    """
     nested: dict[str, Any] = {}
-    for word in overrides:
+    for word in words:
         path, equals, value = word.partition("=")
         if not equals or not path:
-            raise ConfigError(f"--set {word}: expected key.path=value, for example keyframes.distance_m=2")
+            raise ConfigError(f"{place} {word}: expected key=value, the parts of a nested key joined by dots")
         nested = _merge(nested, _nest(path.split("."), value))
     return nested
 
@@ -175,13 +180,13 @@ def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _explain(error: ValidationError, place: str) -> str:
-    """The first problem as one sentence."""
+def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
+    """The first problem with the settings of that model as one sentence; unknown keys with a near one."""
     problem = error.errors()[0]
     location = [str(part) for part in problem["loc"]]
     key = ".".join(location)
     if problem["type"] == "extra_forbidden":
-        known = _keys_at(Config, location[:-1])
+        known = _keys_at(model, location[:-1])
         near = difflib.get_close_matches(location[-1], known, n=1, cutoff=0.5)
         hint = f"did you mean {'.'.join([*location[:-1], near[0]])}?" if near else f"known here: {', '.join(known)}"
         return f"unknown configuration key {key} in {place}; {hint}"
