@@ -155,7 +155,7 @@ def nested_words(words: Sequence[str], place: str) -> dict[str, Any]:
     for word in words:
         path, equals, value = word.partition("=")
         if not equals or not path:
-            raise ConfigError(f"{place} {word}: expected key=value, the parts of a nested key joined by dots")
+            raise ConfigError(f"{place} {word}: expected key.path=value")
         nested = _merge(nested, _nest(path.split("."), value))
     return nested
 

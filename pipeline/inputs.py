@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from wiclosure.errors import ConfigError
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.cache import file_identity
 from wiclosure.pipeline.dataset import load_dataset
@@ -55,7 +56,7 @@ def open_inputs(
     """Opens everything that the user names, so that what is wrong shows before the long work starts.
 
     Args:
-        data: one `dataset.yaml`, or recordings as `alpha=path`.
+        data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (`wiclosure.pipeline.scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
         wireless: wireless logs besides those of the data set.
         limit: read at most so many scans a robot.
@@ -63,7 +64,15 @@ def open_inputs(
 
     Raises:
         InputError: something is missing, malformed, or does not belong together.
+        ConfigError: a scenario with impossible settings, or beside other data.
     """
+    if any(word.startswith("scenario:") for word in data):
+        if len(data) > 1 or topic or wireless or salvage:
+            raise ConfigError(
+                f"{' '.join(data)}: a scenario stands alone, with its own radio; leave other data, --topic, --wireless"
+                " and --salvage out"
+            )
+        return _simulated(data[0], limit)
     dataset = load_dataset(data, topic=topic, wireless=wireless)
     robots = tuple(
         RobotInput(
@@ -76,3 +85,11 @@ def open_inputs(
         for robot, recording in dataset.robots.items()
     )
     return Inputs(robots, dataset.wireless_log(salvage=salvage))
+
+
+def _simulated(word: str, limit: int | None) -> Inputs:
+    # Imported here: it makes these inputs, and needs scipy's splines, which recordings do not.
+    from wiclosure.pipeline.scenario_source import read_scenario_word, scenario_inputs
+
+    name, settings = read_scenario_word(word)
+    return scenario_inputs(name, settings, limit=limit)

@@ -18,6 +18,7 @@ from wiclosure.simulation.names import lookup
 from wiclosure.simulation.radio import RadioSettings
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scene import Scene
+from wiclosure.simulation.schedule import read_schedule
 
 
 class ScenarioSettings(Settings):
@@ -30,8 +31,9 @@ class ScenarioSettings(Settings):
     lidar_range_sigma_m: float | None = Field(None, ge=0, description="m, range noise")
     lidar_dropout: float | None = Field(None, ge=0, lt=1, description="share of returns lost")
     aliasing: float | None = Field(None, ge=0, le=1, description="0: every house or pillar is unique; 1: all are alike")
-    radio: RadioSettings | None = Field(None, description="how the radio behaves")
     poses: Path | None = Field(None, description="KITTI poses file to build streets along (kitti08)")
+    schedule: Path | None = Field(None, description="CSV file of the times when robots can talk (read_schedule)")
+    radio: RadioSettings = Field(RadioSettings(), description="what is set here replaces the scenario's own value")
 
 
 @dataclass(frozen=True)
@@ -79,21 +81,24 @@ def make_scenario(name: str, settings: ScenarioSettings | None = None) -> Scenar
         ConfigError: unknown scenario or LiDAR (with a suggestion), or settings that make no sense.
     """
     kind = lookup("scenario", name, SCENARIOS)
-    settings = settings or ScenarioSettings.model_validate({})
+    settings = settings or ScenarioSettings()
     robots = kind.robots[0] if settings.robots is None else settings.robots
     if not 1 <= robots <= kind.robots[1]:
         raise ConfigError(f"{robots} robots asked for; scenario {name} has room for 1 to {kind.robots[1]}")
-    return kind.build(
+    scenario = kind.build(
         Choice(
             name,
             settings.seed,
             robots,
             _lidar(kind, settings),
             _first(settings.aliasing, kind.aliasing),
-            settings.radio or kind.radio,
+            _radio(kind, settings),
             settings.poses,
         )
     )
+    for robot in {end for window in scenario.radio.schedule for end in (window.robot_a, window.robot_b) if end}:
+        lookup("robot", robot, scenario.robots)
+    return scenario
 
 
 def _lidar(kind: ScenarioKind, settings: ScenarioSettings) -> LidarModel:
@@ -109,6 +114,14 @@ def _lidar(kind: ScenarioKind, settings: ScenarioSettings) -> LidarModel:
         range_sigma_m=_first(settings.lidar_range_sigma_m, model.range_sigma_m),
         dropout=_first(settings.lidar_dropout, model.dropout),
     )
+
+
+def _radio(kind: ScenarioKind, settings: ScenarioSettings) -> RadioSettings:
+    """The scenario's own, single fields replaced by those that are set."""
+    changes = settings.radio.model_dump(exclude_unset=True)
+    if settings.schedule is not None:
+        changes["schedule"] = read_schedule(settings.schedule)
+    return RadioSettings.model_validate(kind.radio.model_dump() | changes)
 
 
 def _first(chosen: float | None, default: float) -> float:

@@ -60,6 +60,10 @@ class Scene:
     slight: Mesh = field(default_factory=lambda: join([]))
     reflectors: tuple[Reflector, ...] = ()
 
+    def __getstate__(self) -> dict[str, object]:
+        """For other processes: without the ray casting tree, which each makes for itself."""
+        return {name: value for name, value in vars(self).items() if name != "_raycaster"}
+
     @cached_property
     def _raycaster(self) -> o3d.t.geometry.RaycastingScene:
         import open3d as o3d  # takes over a second: only where rays are cast
