@@ -76,3 +76,24 @@ def test_nearest_pose() -> None:
 def test_bad_trajectories(stamps: list[int], poses: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=message):
         Trajectory("alpha", np.array(stamps, np.int64), poses)
+
+
+def test_stated_step_covariances_compose_over_any_span_and_survive_thinning() -> None:
+    rng = np.random.default_rng(0)
+    roots = rng.normal(0, 0.01, (10, 6, 6))
+    steps = roots @ np.swapaxes(roots, 1, 2)
+    stated = Trajectory("alpha", line().stamps_ns, line().poses, step_covariances=steps)
+    i, j = np.array([3]), np.array([6])
+    expected = steps[3]
+    for k in (4, 5):
+        expected = se3.compose_covariance(expected, stated.relative_pose(np.array([k]), np.array([k + 1]))[0], steps[k])
+    np.testing.assert_allclose(stated.relative_covariance(i, j)[0], expected, rtol=1e-9, atol=1e-15)
+    thinned = stated.subset(np.array([0, 3, 6, 10])).moved(se3.from_yaw(1.0, np.array([50.0, -20.0, 3.0])))
+    np.testing.assert_allclose(thinned.relative_covariance(i // 3, j // 3)[0], expected, rtol=1e-9, atol=1e-12)
+    backwards = stated.relative_covariance(j, i)[0]
+    np.testing.assert_allclose(backwards, se3.inverse_covariance(stated.relative_pose(i, j)[0], expected), atol=1e-12)
+
+
+def test_step_covariances_of_another_length_are_refused() -> None:
+    with pytest.raises(InputError, match=r"11 poses but step covariances of shape \(11, 6, 6\)"):
+        Trajectory("alpha", line().stamps_ns, line().poses, step_covariances=np.zeros((11, 6, 6)))

@@ -31,6 +31,10 @@ class DriftModel(Settings):
     translation_bias: float = Field(0.0, ge=0, description="m per metre travelled: scale and side slip")
     rotation_bias: float = Field(0.0, ge=0, description="rad per metre travelled: a constant turn rate")
 
+    def scaled(self, factor: float) -> DriftModel:
+        """All standard deviations times `factor` > 0."""
+        return DriftModel(**{name: value * factor for name, value in self.model_dump().items()})
+
 
 @dataclass(frozen=True, eq=False)
 class AccumulatedDrift:
@@ -76,6 +80,30 @@ class AccumulatedDrift:
         if self.bias is not None:
             bias = (self.bias[j] - self.bias[i]) * self.bias_sigma
             in_odom += bias @ np.swapaxes(bias, 1, 2)
+        return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), in_odom)
+
+
+@dataclass(frozen=True, eq=False)
+class AccumulatedSteps:
+    """Prefix sums of stated covariances, for odometry that brings its own (a g2o file, another program).
+
+    Args:
+        sums: `(N, 6, 6)`, covariances of the steps up to each pose, in the odometry frame.
+    """
+
+    sums: FloatArray
+
+    @classmethod
+    def along(cls, T_odom_body: FloatArray, steps: FloatArray) -> AccumulatedSteps:
+        """Accumulates the covariances `(N - 1, 6, 6)` of the steps between the poses `(N, 4, 4)`."""
+        sums = np.zeros((len(T_odom_body), 6, 6))
+        np.cumsum(se3.rotate_covariance(se3.adjoint(T_odom_body[1:]), steps), axis=0, out=sums[1:])
+        return cls(sums)
+
+    def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j, for index arrays `i, j (M,)` in any order."""
+        sign = np.where(i <= j, 1.0, -1.0)[:, None, None]
+        in_odom = sign * (self.sums[j] - self.sums[i])
         return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), in_odom)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import Literal, Protocol, Self, TypeAlias
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.drift import AccumulatedDrift, DriftModel
+from wiclosure.drift import AccumulatedDrift, AccumulatedSteps, DriftModel
 from wiclosure.errors import InputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -68,6 +68,8 @@ class Trajectory:
         drift: how the error between two poses grows along the path.
         finer: the trajectory that these poses were chosen from, as keyframes are: `at` and `covers` look there, so that
             a robot which stands still between keyframes, or after the last, has a pose at every stamp.
+        step_covariances: `(N - 1, 6, 6)` of `relative_pose(n, n + 1)` where the source states them; the drift model is
+            then not used.
     """
 
     robot: str
@@ -75,6 +77,7 @@ class Trajectory:
     poses: FloatArray
     drift: DriftModel = field(default_factory=DriftModel)
     finer: Trajectory | None = None
+    step_covariances: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4) or len(self.poses) == 0:
@@ -84,6 +87,11 @@ class Trajectory:
         if self.stamps_ns.shape != (len(self.poses),):
             raise InputError(
                 f"trajectory of {self.robot}: {len(self.poses)} poses but stamps of shape {self.stamps_ns.shape}"
+            )
+        if self.step_covariances is not None and self.step_covariances.shape != (len(self.poses) - 1, 6, 6):
+            raise InputError(
+                f"trajectory of {self.robot}: {len(self.poses)} poses but step covariances of shape"
+                f" {self.step_covariances.shape}; expected (N - 1, 6, 6)"
             )
         if not np.isfinite(self.poses).all():
             row = int(np.argmin(np.isfinite(self.poses).all(axis=(1, 2))))
@@ -115,7 +123,9 @@ class Trajectory:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
-    def _accumulated_drift(self) -> AccumulatedDrift:
+    def _accumulated_drift(self) -> AccumulatedDrift | AccumulatedSteps:
+        if self.step_covariances is not None:
+            return AccumulatedSteps.along(self.poses, self.step_covariances)
         return AccumulatedDrift.along(self.poses, self.drift)
 
     def covers(self, stamps_ns: IntArray, tolerance_ns: int = 0) -> NDArray[np.bool_]:
@@ -137,23 +147,27 @@ class Trajectory:
 
     def subset(self, indices: IntArray) -> Trajectory:
         """The trajectory through the poses at `indices` (increasing) alone."""
-        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift)
+        stated = None
+        if self.step_covariances is not None:
+            stated = self.relative_covariance(indices[:-1], indices[1:])
+        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift, step_covariances=stated)
 
     def keyframes(self, indices: IntArray) -> Trajectory:
         """The poses at `indices` (increasing) as keyframes, which remember the poses between."""
-        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift, self._known)
+        return replace(self.subset(indices), finer=self._known)
 
     def moved(self, T_new_odom: FloatArray) -> Trajectory:
         """The same trajectory in another frame: poses `T_new_odom @ T_odom_body`."""
         finer = None if self.finer is None else self.finer.moved(T_new_odom)
-        return Trajectory(self.robot, self.stamps_ns, T_new_odom @ self.poses, self.drift, finer)
+        poses = T_new_odom @ self.poses
+        return Trajectory(self.robot, self.stamps_ns, poses, self.drift, finer, self.step_covariances)
 
     def relative_pose(self, i: IntArray, j: IntArray) -> FloatArray:
         """`T_i_j` `(M, 4, 4)` for index arrays `(M,)`."""
         return se3.between(self.poses[i], self.poses[j])
 
     def relative_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
-        """Covariances `(M, 6, 6)` of `relative_pose(i, j)` by the drift model, O(1) a pair."""
+        """Covariances `(M, 6, 6)` of `relative_pose(i, j)` by the drift model or as stated, O(1) a pair."""
         return self._accumulated_drift.covariance(self.poses, np.asarray(i), np.asarray(j))
 
 
