@@ -13,7 +13,7 @@ import typer
 
 from wiclosure import __version__
 from wiclosure.errors import WiclosureError
-from wiclosure.pipeline import commands, compare_command, data_commands
+from wiclosure.pipeline import commands, compare_command, data_commands, simulate_command
 
 app = typer.Typer(
     name="wiclosure",
@@ -31,7 +31,7 @@ app.command("run")(commands.run)
 app.command("compare")(compare_command.compare)
 app.command("demo")(compare_command.demo)
 app.command("filter")(commands.filter_)
-app.command("simulate")(data_commands.simulate)
+app.command("simulate")(simulate_command.simulate)
 app.command("split")(data_commands.split)
 app.command("eval")(commands.evaluate)
 app.command("info")(data_commands.info)

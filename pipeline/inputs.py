@@ -56,7 +56,7 @@ def open_inputs(
     """Opens everything that the user names, so that what is wrong shows before the long work starts.
 
     Args:
-        data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (`wiclosure.pipeline.scenario_source`).
+        data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
         wireless: wireless logs besides those of the data set.
         limit: read at most so many scans a robot.

@@ -24,7 +24,8 @@ Data = Annotated[
     list[str],
     typer.Argument(
         metavar="DATA...",
-        help="a dataset.yaml, or recordings named alpha=PATH beta=PATH (bags, KITTI folders, folders of clouds)",
+        help="a dataset.yaml, recordings named alpha=PATH beta=PATH (bags, KITTI folders, folders of clouds), or"
+        " scenario:NAME",
         show_default=False,
     ),
 ]
@@ -40,6 +41,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", help="one setting, e.g. keyframes.distance_m=2; may be repeated", show_default=False),
 ]
+NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
 Salvage = Annotated[bool, typer.Option("--salvage", help="use what can be read of damaged bags")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no table")]

@@ -1,7 +1,7 @@
 """`scenario:NAME` as data: a simulated world whose rays are cast while the run reads them.
 
-Settings follow the name, separated by commas: `scenario:kitti08,poses=08.txt,robots=3,radio.every_m=20`.  Commas need no
-quotes in any shell.
+Settings follow the name, separated by commas: `scenario:kitti08,poses=08.txt,robots=3,radio.every_m=20`.  Commas need
+no quotes in any shell.
 """
 
 from __future__ import annotations
