@@ -22,6 +22,7 @@ FRAME_NS = 100_000_000
 SENSOR_HEIGHT_M = 1.73
 
 _SMOOTH_FRAMES = 3.0
+_CROOKED = 0.01
 _SWAY_DEG, _SPEED_MPS = 0.3, 9.0
 _ROBOTS = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta")
 
@@ -82,6 +83,12 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
             " numbers a line"
         )
     T = rows.reshape(-1, 3, 4)
+    crooked = np.abs(T[:, :, :3] @ np.swapaxes(T[:, :, :3], 1, 2) - np.eye(3)).max(axis=(1, 2)) > _CROOKED
+    if crooked.any():
+        raise InputError(
+            f"{path}, line {np.argmax(crooked) + 1}: the first three columns are no rotation; expected KITTI poses,"
+            " row by row [R t]"
+        )
     # Camera axes: x right, y down, z forward. Ours: x forward, y left.
     xy = np.stack([T[:, 2, 3], -T[:, 0, 3]], axis=1)
     yaw = np.unwrap(np.arctan2(-T[:, 0, 2], T[:, 2, 2]))
