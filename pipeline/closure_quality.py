@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from wiclosure import se3
 from wiclosure.pipeline.metrics import CandidateMetrics, ClosureMetrics
 from wiclosure.pipeline.trajectory_error import truth_at
 from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
+
+PASSED = (Decision.VERIFIED, Decision.ACCEPTED)
 
 
 def candidate_metrics(
@@ -40,9 +43,12 @@ def candidate_metrics(
     return {
         "radius_m": radius_m,
         "true": true if total else None,
+        "false": total - true if total else None,
         "kept_true": kept_true if total else None,
+        "kept_false": kept - kept_true if total else None,
         "precision": kept_true / kept if kept else None,
         "recall": kept_true / true if true else None,
+        "false_rejected": 1 - (kept - kept_true) / (total - true) if total > true else None,
         "pruned": 1 - sum(map(len, pairs)) / everything if everything else None,
     }
 
@@ -58,41 +64,59 @@ def _pairs_within(position_a: FloatArray, position_b: FloatArray, radius_m: floa
 def closure_metrics(
     verified: Sequence[Closure],
     final: Sequence[Closure],
-    keyframes: Mapping[str, Trajectory],
-    truth: Mapping[str, Trajectory],
-    *,
-    error_m: float,
-    error_deg: float,
-    gap_s: float,
+    judge: ClosureJudge,
 ) -> ClosureMetrics:
     """How far the closures came, and which of them are true.
 
     Args:
         verified: every proposed closure as registration left it.
         final: the same closures as the back end left them.
-        keyframes: the trajectories that they refer to.
-        truth: ground truth by robot, as far as there is any.
-        error_m: metres within which a closure is true, if it is also
-        error_deg: within these degrees.
-        gap_s: how near ground truth must be in time.
+        judge: tells true from false.
     """
-    passed = [c for c in verified if c.decision in (Decision.VERIFIED, Decision.ACCEPTED)]
+    passed = [c for c in verified if c.decision in PASSED]
     accepted = [c for c in final if c.decision is Decision.ACCEPTED]
-    counts: list[int | None] = []
-    for closures in (passed, accepted):
-        metres, degrees, covered = closure_errors(closures, keyframes, truth, gap_s)
-        right = int(((metres <= error_m) & (degrees <= error_deg))[covered].sum())
-        known = bool(covered.any()) or (not closures and bool(truth))
-        counts += [right, int(covered.sum()) - right] if known else [None, None]
+    verified_true, verified_false = judge.count(passed)
+    accepted_true, accepted_false = judge.count(accepted)
     return {
         "proposed": len(verified),
         "verified": len(passed),
         "accepted": len(accepted),
-        "verified_true": counts[0],
-        "verified_false": counts[1],
-        "accepted_true": counts[2],
-        "accepted_false": counts[3],
+        "verified_true": verified_true,
+        "verified_false": verified_false,
+        "accepted_true": accepted_true,
+        "accepted_false": accepted_false,
     }
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureJudge:
+    """Tells by ground truth which closures are true.
+
+    Args:
+        keyframes: the trajectories that closures refer to.
+        truth: ground truth by robot, as far as there is any with orientations.
+        error_m: metres within which a closure is true, if it is also
+        error_deg: within these degrees.
+        gap_s: how near ground truth must be in time.
+    """
+
+    keyframes: Mapping[str, Trajectory]
+    truth: Mapping[str, Trajectory]
+    error_m: float
+    error_deg: float
+    gap_s: float
+
+    def right(self, closures: Sequence[Closure]) -> tuple[np.ndarray, np.ndarray]:
+        """Which of the closures `(N,)` are true, and for which of them ground truth says so."""
+        metres, degrees, covered = closure_errors(closures, self.keyframes, self.truth, self.gap_s)
+        return (metres <= self.error_m) & (degrees <= self.error_deg) & covered, covered
+
+    def count(self, closures: Sequence[Closure]) -> tuple[int, int] | tuple[None, None]:
+        """How many are true and how many false; None where ground truth says nothing."""
+        right, covered = self.right(closures)
+        if not covered.any() and (closures or not self.truth):
+            return None, None
+        return int(right.sum()), int((covered & ~right).sum())
 
 
 def closure_errors(

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from wiclosure.pipeline.body_axes import OrientedTruth, in_lidar_axes
-from wiclosure.pipeline.closure_quality import candidate_metrics, closure_metrics
+from wiclosure.pipeline.closure_quality import ClosureJudge, candidate_metrics, closure_metrics
+from wiclosure.pipeline.funnel import funnel
 from wiclosure.pipeline.metrics import AlignmentMetrics, ComponentMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.trajectory_error import (
     Matched,
@@ -46,18 +47,27 @@ class EvaluationSettings(Settings):
     )
     rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
 
+    def judge(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> ClosureJudge:
+        """Tells which closures between these keyframes are true."""
+        return ClosureJudge(
+            keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
+        )
+
 
 def evaluate(
     *,
     filtered: FilterResult,
     keyframes: Mapping[str, Trajectory],
     verified: Sequence[Closure],
+    consistent: Sequence[Closure],
     closures: Sequence[Closure],
+    odometry: Mapping[str, Trajectory],
     merged: Mapping[str, Trajectory],
     components: Sequence[Sequence[str]],
     truth: Mapping[str, Trajectory],
     settings: EvaluationSettings,
     seconds: Mapping[str, float],
+    seconds_spent: Mapping[str, float],
     bytes_exchanged: int | None = None,
     peak_rss_mb: float | None = None,
     diagnosis: Sequence[str] = (),
@@ -68,12 +78,15 @@ def evaluate(
         filtered: what the candidate filter kept.
         keyframes: keyframe odometry by robot; candidates and closures refer to its indices.
         verified: every proposed closure as registration left it.
-        closures: the same closures as the back end left them.
+        consistent: the same closures as PCM left them.
+        closures: the same closures as the graph left them.
+        odometry: odometry by robot, of keyframes or of all scans.
         merged: `T_world_body` by robot, of keyframes or of all scans.
         components: robots that accepted closures connect.
         truth: ground truth by robot, all in one world; robots may be missing, and it may be empty.
         settings: what counts as true.
-        seconds: wall time a stage.
+        seconds: wall time a stage, from raw scans.
+        seconds_spent: the same without what was taken from earlier work.
         bytes_exchanged: what the robots would have sent each other.
         peak_rss_mb: peak memory.
         diagnosis: sentences so far; those of the evaluation are added.
@@ -82,27 +95,31 @@ def evaluate(
     ambiguous = {frozenset((a.robot_a, a.robot_b)): a.ambiguous for a in filtered.alignments}
     oriented = in_lidar_axes(merged, truth, gap_s)
     trajectories = _evaluate_trajectories(merged, components, oriented, settings, ambiguous)
+    judge = settings.judge(keyframes, oriented)
+    candidates = candidate_metrics(filtered.pairs, keyframes, truth, radius_m=settings.overlap_radius_m, gap_s=gap_s)
     return {
         "filter": filtered.filter_name,
         "pairs_total": filtered.pairs_total,
         "pairs_kept": filtered.pairs_kept,
-        "candidates": candidate_metrics(
-            filtered.pairs, keyframes, truth, radius_m=settings.overlap_radius_m, gap_s=gap_s
-        ),
+        "candidates": candidates,
         "candidates_registrable": candidate_metrics(
             filtered.pairs, keyframes, truth, radius_m=settings.registrable_radius_m, gap_s=gap_s
         ),
-        "closures": closure_metrics(
-            verified,
-            closures,
-            keyframes,
-            oriented.oriented,
-            error_m=settings.closure_error_m,
-            error_deg=settings.closure_error_deg,
-            gap_s=gap_s,
+        "closures": closure_metrics(verified, closures, judge),
+        "funnel": funnel(
+            candidates,
+            pairs_total=filtered.pairs_total,
+            pairs_kept=filtered.pairs_kept,
+            verified=verified,
+            consistent=consistent,
+            final=closures,
+            truth=truth,
+            judge=judge,
         ),
+        "ate_odometry_m": _odometry_errors(odometry, oriented, gap_s),
         **trajectories,
         "seconds": dict(seconds),
+        "seconds_spent": dict(seconds_spent),
         "bytes_exchanged": bytes_exchanged,
         "peak_rss_mb": peak_rss_mb,
         "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
@@ -153,6 +170,17 @@ def _evaluate_trajectories(
         "alignment": _alignments(robots, components, ambiguous),
         "diagnosis": [*oriented.remarks, *_remarks(robots, judged, oriented.truth)],
     }
+
+
+def _odometry_errors(
+    odometry: Mapping[str, Trajectory], oriented: OrientedTruth, gap_s: float
+) -> dict[str, float | None]:
+    """Error of each robot's odometry aligned on its own, and of all robots so aligned as `team`."""
+    own = {
+        name: joint_errors([robot]).get(name, np.zeros(0))
+        for name, robot in _all_matched(odometry, oriented, gap_s).items()
+    }
+    return {"team": rms(np.concatenate(list(own.values())))} | {name: rms(errors) for name, errors in own.items()}
 
 
 def _all_matched(trajectories: Mapping[str, Trajectory], oriented: OrientedTruth, gap_s: float) -> dict[str, Matched]:

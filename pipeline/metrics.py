@@ -11,14 +11,18 @@ from typing import TypedDict
 class CandidateMetrics(TypedDict):
     """Kept pairs of keyframes against those that are truly within a radius, over pairs with ground truth.
 
-    `pruned` needs no ground truth: the share of all pairs that was left out.
+    `false_rejected` is the share of the false pairs that was left out; `pruned`, the share of all that was, needs no
+    ground truth.
     """
 
     radius_m: float
     true: int | None
+    false: int | None
     kept_true: int | None
+    kept_false: int | None
     precision: float | None
     recall: float | None
+    false_rejected: float | None
     pruned: float | None
 
 
@@ -32,6 +36,15 @@ class ClosureMetrics(TypedDict):
     verified_false: int | None
     accepted_true: int | None
     accepted_false: int | None
+
+
+class StageCount(TypedDict):
+    """How many candidates are left after a stage, and how many of them are true and false; see `pipeline.funnel`."""
+
+    stage: str
+    count: int
+    true: int | None
+    false: int | None
 
 
 class AlignmentMetrics(TypedDict):
@@ -76,7 +89,12 @@ class TrajectoryMetrics(TypedDict):
 
 
 class Metrics(TrajectoryMetrics):
-    """All of `metrics.json`."""
+    """All of `metrics.json`.
+
+    `ate_odometry_m` has each robot's plain odometry aligned on its own, and under `team` the error over all robots:
+    what drift leaves to anyone who places the robots perfectly but mends nothing within them.  `seconds` is what the
+    run costs from raw scans; `seconds_spent` what it really spent, with stages taken from a cache or another arm.
+    """
 
     filter: str
     pairs_total: int
@@ -84,6 +102,9 @@ class Metrics(TrajectoryMetrics):
     candidates: CandidateMetrics
     candidates_registrable: CandidateMetrics
     closures: ClosureMetrics
+    funnel: list[StageCount]
+    ate_odometry_m: dict[str, float | None]
     seconds: dict[str, float]
+    seconds_spent: dict[str, float]
     bytes_exchanged: int | None
     peak_rss_mb: float | None

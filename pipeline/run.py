@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import carried
@@ -51,13 +52,23 @@ class RunResult:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What all runs over the same recordings share: odometry, and registrations done so far."""
+    """What all runs over the same recordings share: odometry, and registrations done so far.
+
+    Args:
+        inputs: the recordings.
+        config: of the run.
+        fronts: odometry, keyframes, descriptors by robot.
+        from_cache: robots whose front end was computed by an earlier invocation.
+        known: registrations done so far with these clouds and settings.
+        shared: whether another run of this invocation has paid for the front ends already.
+    """
 
     inputs: Inputs
     config: Config
     fronts: dict[str, FrontEndResult]
     from_cache: tuple[str, ...]
     known: dict[object, Registered] = field(default_factory=dict)
+    shared: bool = False
 
 
 def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
@@ -88,23 +99,21 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     }
     began = time.perf_counter()
     merged_map = _map(fronts, solution, config)
-    seconds = {
-        "odometry": sum(f.seconds_odometry for f in fronts.values()),
-        "descriptors": sum(f.seconds_descriptors for f in fronts.values()),
-        **solution.seconds,
-        "mapping": time.perf_counter() - began,
-    }
-    seconds["total"] = sum(seconds.values())
+    mapping_s = time.perf_counter() - began
+    paid = [] if prepared.shared else [f for robot, f in fronts.items() if robot not in prepared.from_cache]
     metrics = evaluate(
         filtered=solution.filtered,
         keyframes={robot: front.keyframes for robot, front in fronts.items()},
         verified=solution.verified,
+        consistent=solution.consistent,
         closures=solution.closures,
+        odometry={robot: front.odometry for robot, front in fronts.items()},
         merged=merged,
         components=solution.graph.components,
         truth=inputs.ground_truth,
         settings=config.evaluation,
-        seconds=seconds,
+        seconds=_stages(fronts.values(), solution.seconds, mapping_s),
+        seconds_spent=_stages(paid, solution.seconds_spent, mapping_s),
         bytes_exchanged=solution.bytes_exchanged,
         peak_rss_mb=peak_rss_mb(),
         diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
@@ -112,6 +121,18 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
     return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+
+
+def _stages(fronts: Iterable[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:
+    """Seconds of every stage in order, and their sum."""
+    fronts = list(fronts)
+    seconds = {
+        "odometry": sum(f.seconds_odometry for f in fronts),
+        "descriptors": sum(f.seconds_descriptors for f in fronts),
+        **solving,
+        "mapping": mapping_s,
+    }
+    return seconds | {"total": sum(seconds.values())}
 
 
 def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) -> MergedMap:

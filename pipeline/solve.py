@@ -36,8 +36,10 @@ class Solution:
         matched: what scan context proposed of them, one entry a robot pair.
         closures: every proposed closure with its final decision and reason.
         verified: the same closures as the registration left them.
+        consistent: the same closures as PCM left them.
         graph: trajectories in one world frame.
         seconds: wall time a stage, as if nothing had been computed before.
+        seconds_spent: wall time really spent, registrations that other arms had done left out.
         bytes_exchanged: what the robots would have sent each other.
         diagnosis: sentences for the user: why there are few or no closures.
     """
@@ -46,8 +48,10 @@ class Solution:
     matched: tuple[MatchResult, ...]
     closures: tuple[Closure, ...]
     verified: tuple[Closure, ...]
+    consistent: tuple[Closure, ...]
     graph: GraphResult
     seconds: dict[str, float]
+    seconds_spent: dict[str, float]
     bytes_exchanged: int
     diagnosis: tuple[str, ...]
 
@@ -100,26 +104,31 @@ def solve(
         match(pairs, fronts[pairs.robot_a].descriptors, fronts[pairs.robot_b].descriptors, config.matching)
         for pairs in filtered.pairs
     )
+    began = time.perf_counter()
     verified, verification_s = _verify(filtered.pairs, matched, fronts, memory, progress)
+    verification_spent_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
     graph = optimise(keyframes, consistent.closures, config.pose_graph)
     optimisation_s = time.perf_counter() - began
 
     closures = graph.closures
+    seconds = {
+        "filter": filtered.seconds,
+        "matching": sum(m.seconds for m in matched),
+        "verification": verification_s,
+        "optimisation": optimisation_s,
+    }
     return Solution(
         filtered=filtered,
         matched=matched,
         closures=closures,
         graph=graph,
-        seconds={
-            "filter": filtered.seconds,
-            "matching": sum(m.seconds for m in matched),
-            "verification": verification_s,
-            "optimisation": optimisation_s,
-        },
+        seconds=seconds,
+        seconds_spent=seconds | {"verification": verification_spent_s},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         verified=tuple(verified),
+        consistent=tuple(consistent.closures),
         diagnosis=(
             *filtered.diagnosis,
             *_nothing_left(filtered, matched, verified, closures),

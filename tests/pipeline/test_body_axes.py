@@ -120,12 +120,15 @@ def figures(truth: dict[str, Trajectory]):
         filtered=FilterResult("none", (), 0),
         keyframes={robot: noisy(t, 1, 0.01, 0.001).moved(se3.inverse(t.poses[0])) for robot, t in TRUE.items()},
         verified=closures,
+        consistent=closures,
         closures=closures,
+        odometry=TRUE,
         merged={robot: noisy(t, 1, 0.01, 0.001) for robot, t in TRUE.items()},
         components=(("alpha", "beta"),),
         truth=truth,
         settings=EvaluationSettings(),
         seconds={},
+        seconds_spent={},
     )
 
 

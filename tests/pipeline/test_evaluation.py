@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.pipeline.closure_quality import candidate_metrics
 from wiclosure.pipeline.evaluation import EvaluationSettings, evaluate
+from wiclosure.pipeline.funnel import STAGES
 from wiclosure.pipeline.trajectory_error import (
     Matched,
     inter_robot_error,
@@ -200,12 +201,15 @@ class TestWholeEvaluation:
             "filtered": filtered,
             "keyframes": odometry,
             "verified": [replace(c, decision=Decision.VERIFIED) for c in final],
+            "consistent": [replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
             "closures": final,
+            "odometry": odometry,
             "merged": {r: t.moved(frame) for r, t in TRUTH.items()},
             "components": (("alpha", "beta", "gamma"),),
             "truth": TRUTH,
             "settings": EvaluationSettings(),
             "seconds": {"total": 1.0},
+            "seconds_spent": {"total": 0.5},
             "diagnosis": ("all is well",),
         }
         return evaluate(**(arguments | changes))
@@ -237,7 +241,22 @@ class TestWholeEvaluation:
             "filter", "pairs_total", "pairs_kept", "candidates", "candidates_registrable", "closures", "ate_m",
             "alignment", "seconds", "bytes_exchanged", "peak_rss_mb", "diagnosis",
         } <= set(metrics)  # fmt: skip
-        assert {"radius_m", "true", "kept_true", "precision", "recall", "pruned"} == set(metrics["candidates"])
+        assert {"radius_m", "true", "kept_true", "precision", "recall", "pruned"} <= set(metrics["candidates"])
+
+    def test_the_funnel_counts_what_is_left_of_true_and_false(self):
+        metrics = self.run()
+        assert [stage["stage"] for stage in metrics["funnel"]] == list(STAGES)
+        counts = {stage["stage"]: (stage["count"], stage["true"], stage["false"]) for stage in metrics["funnel"]}
+        found = metrics["candidates"]
+        assert counts["pairs"] == (19200, found["true"], 19200 - found["true"])
+        assert counts["kept"] == (240, found["kept_true"], found["kept_false"])
+        assert counts["registered"] == (4, 3, 1)
+        assert counts["PCM"] == (3, 2, 1)
+        assert counts["graph"] == (3, 2, 1)
+
+    def test_odometry_without_drift_has_no_error_of_its_own(self):
+        assert self.run()["ate_odometry_m"]["team"] == pytest.approx(0.0, abs=1e-9)
+        assert self.run(truth={})["ate_odometry_m"] == dict.fromkeys(("team", *TRUTH))
 
     def test_robots_that_are_not_connected_have_no_team_error(self):
         metrics = self.run(components=(("alpha", "beta"), ("gamma",)))
@@ -252,7 +271,7 @@ class TestWholeEvaluation:
         assert set(metrics["ate_m"].values()) == {None}
         assert metrics["candidates"] | {"radius_m": 0} == {
             "radius_m": 0, "true": None, "kept_true": None, "precision": None, "recall": None,
-            "pruned": pytest.approx(1 - 240 / 19200),
+            "false": None, "kept_false": None, "false_rejected": None, "pruned": pytest.approx(1 - 240 / 19200),
         }  # fmt: skip
         assert metrics["closures"]["accepted"] == 3
         assert metrics["closures"]["accepted_false"] is None
@@ -271,6 +290,6 @@ class TestWholeEvaluation:
         assert metrics["alignment"]["alpha-gamma"]["rotation_error_deg"] is None
 
     def test_no_closures_and_no_pairs(self):
-        metrics = self.run(filtered=FilterResult("none", (), 0), verified=[], closures=[])
+        metrics = self.run(filtered=FilterResult("none", (), 0), verified=[], consistent=[], closures=[])
         assert metrics["closures"]["accepted_true"] == 0
         assert metrics["candidates"]["recall"] is None
