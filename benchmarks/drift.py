@@ -99,24 +99,31 @@ def main() -> None:
     parser.add_argument("--bias", action="store_true", help="fit constant errors as well")
     bias = parser.parse_args().bias
     recordings = {sequence: Recording.of(sequence) for sequence in ("00", "05", "08")}
+    coverage = []
     for held_out, recording in recordings.items():
         model = fit([r for name, r in recordings.items() if name != held_out], bias)
         print(f"held out {held_out}: {describe(model)}")
         print(f"  negative log-likelihood {negative_log_likelihood(model, [recording]):.2f}")
-        report(recording, model)
+        coverage.append(report(recording, model))
+    print(f"held out, all: within 90 % interval {np.mean(coverage):.3f}")
     model = fit(list(recordings.values()), bias)
     print(f"all three: {describe(model)}")
     print(f"  negative log-likelihood {negative_log_likelihood(model, list(recordings.values())):.2f}")
+    coverage = []
     for name, recording in recordings.items():
         print(f"  {name} under it")
-        report(recording, model)
+        coverage.append(report(recording, model))
+    print(f"  all under it: within 90 % interval {np.mean(coverage):.3f}")
 
 
-def report(recording: Recording, model: DriftModel) -> None:
-    """NEES and coverage for each length."""
+def report(recording: Recording, model: DriftModel) -> float:
+    """NEES and coverage for each length; the mean coverage."""
+    coverage = []
     for length, (error, C) in zip(LENGTHS_M, recording.errors(model), strict=True):
         inside = np.abs(error) < 1.645 * np.sqrt(np.einsum("mii->mi", C))
         print(f"  {length:4d} m: NEES/2 {squared(error, C).mean() / 2:5.2f}, within 90 % interval {inside.mean():.3f}")
+        coverage.append(inside.mean())
+    return float(np.mean(coverage))
 
 
 if __name__ == "__main__":

@@ -84,7 +84,7 @@ def horizontal_errors(pairs: CandidatePairs, a: Trajectory, b: Trajectory) -> tu
     return error[:, :2], C[:, 3:5, 3:5]
 
 
-def on_kitti(sequence: str, spacing_m: float, seeds: int, settings: FilterSettings) -> None:
+def on_kitti(sequence: str, spacing_m: float, seeds: int, settings: FilterSettings) -> list[Score]:
     whole = thirds(sequence)
     team = whole.keyframes(spacing_m)
     scores = []
@@ -103,6 +103,7 @@ def on_kitti(sequence: str, spacing_m: float, seeds: int, settings: FilterSettin
     ):
         values = [getattr(s, name) for s in scores]
         print(f"  {name:10s} median {np.median(values):10.4f}   worst {worst(values):10.4f}")
+    return scores
 
 
 def against_brute_force() -> None:
@@ -182,8 +183,11 @@ def main() -> None:
         on_long_roads(settings)
         against_brute_force()
     for spacing in map(float, arguments.spacing.split(",")):
-        for sequence in arguments.sequences.split(","):
-            on_kitti(sequence, spacing, arguments.seeds, settings)
+        scores = [
+            s for name in arguments.sequences.split(",") for s in on_kitti(name, spacing, arguments.seeds, settings)
+        ]
+        coverage, nees = (np.mean([getattr(s, name) for s in scores]) for name in ("coverage", "nees"))
+        print(f"all sequences, keyframes {spacing:g} m: coverage {coverage:.3f}, NEES {nees:.2f}")
 
 
 if __name__ == "__main__":

@@ -37,6 +37,12 @@ class SharedTrajectorySettings(Settings):
         gt=0,
         description="rad, tilt of an odometry frame that counts as gravity-aligned (3 degrees: a car on a slope)",
     )
+    drift_weight: float = Field(
+        default=2.0,
+        gt=0,
+        description="the drift model is scaled by how well the links fit the odometry: it counts as so many of the"
+        " parameters that links determine (2: drift differs 1.6-fold between recordings; 1e9: never scaled)",
+    )
     robust_threshold: float = Field(
         default=2.385,
         gt=0,

@@ -6,7 +6,7 @@ odometry between nodes is a pure translation, lever arms are dealt with, and bea
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,11 @@ class GraphNodes:
 
     def __len__(self) -> int:
         return len(self.keyframe)
+
+    def with_drift_scaled(self, factor: float) -> GraphNodes:
+        """The same nodes with drift of `factor` times the standard deviations."""
+        trajectory = replace(self.trajectory, drift=self.trajectory.drift.scaled(factor))
+        return replace(self, trajectory=trajectory, drift=self.drift.scaled(factor))
 
     def steps(self) -> tuple[FloatArray, FloatArray]:
         """From each node to the next: translation `(K-1, 3)` and covariance `(K-1, 6, 6)`, both in odometry axes."""

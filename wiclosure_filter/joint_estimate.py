@@ -17,15 +17,20 @@ from functools import cached_property
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray
 from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.pose_graph import add_links, add_odometry, frame_prior
+from wiclosure.wiclosure_filter.pose_graph import add_first_guess, add_links, frame_prior, odometry_factors
+
+# The drift is scaled again where it grew by this factor, at most so often.
+GROWN, MOST_RESCALINGS = 1.2, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,24 +159,47 @@ def estimate(
         settings: kernel, gravity.
     """
     first = dict(zip(nodes, np.cumsum([0, *(len(n) for n in nodes.values())]).tolist(), strict=False))
-    graph, initial = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    initial, others = gtsam.Values(), gtsam.NonlinearFactorGraph()
     for robot, own in nodes.items():
-        add_odometry(graph, initial, first[robot], own, T_world_odom[robot])
+        add_first_guess(initial, first[robot], own, T_world_odom[robot])
     for number, robot in enumerate(nodes):
-        graph.add(frame_prior(initial, first[robot], number == 0, settings))
+        others.add(frame_prior(initial, first[robot], number == 0, settings))
     for (a, b), kept in links.items():
-        add_links(graph, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
+        add_links(others, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
+    linked = np.zeros(len(initial.keys()), bool)
+    for (a, b), (at_a, at_b) in rows.items():
+        linked[first[a] + at_a] = linked[first[b] + at_b] = True
+    as_modelled = odometry_factors(nodes, first)
+    values, covariance = _solved(as_modelled, others, initial, linked)
+    # The links tell how good the odometry is; then once more with what they told.  Where it is far worse than thought,
+    # the kernel kept down the links that say so, and they have more to tell.
+    scale, weight = 1.0, settings.shared_trajectory.drift_weight
+    for _ in range(MOST_RESCALINGS):
+        before = scale
+        scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=weight)
+        scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
+        values, covariance = _solved(odometry_factors(scaled, first), others, values, linked)
+        if scale < GROWN * before:
+            break
+    T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
+    dimensions = 2 if settings.alignment.gravity_aligned else 3
+    return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), dimensions)
+
+
+def _solved(
+    odometry: gtsam.NonlinearFactorGraph,
+    others: gtsam.NonlinearFactorGraph,
+    initial: gtsam.Values,
+    linked: NDArray[np.bool_],
+) -> tuple[gtsam.Values, JointCovariance]:
+    """Optimum of all factors, and the covariance there, each node's in its own axes."""
+    graph = gtsam.NonlinearFactorGraph()
+    graph.push_back(odometry)
+    graph.push_back(others)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
     values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
-    size = len(initial.keys())
-    T_world_node = np.array([values.atPose3(k).matrix() for k in range(size)])
-    linked = np.zeros(size, bool)
-    for (a, b), (at_a, at_b) in rows.items():
-        linked[first[a] + at_a] = linked[first[b] + at_b] = True
-    covariance = JointCovariance.of(graph.linearize(values), linked).turned(T_world_node[:, :3, :3])
-    dimensions = 2 if settings.alignment.gravity_aligned else 3
-    return JointEstimate(nodes, first, T_world_node, covariance, dimensions)
+    return values, JointCovariance.of(graph.linearize(values), linked)
 
 
 def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str, FloatArray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import gtsam
 import numpy as np
 
@@ -15,17 +17,21 @@ from wiclosure.wiclosure_filter.kept_links import KeptLinks
 UNKNOWN_M, UNKNOWN_RAD, ANCHOR_SIGMA = 1e4, 3.0, 1e-4
 
 
-def add_odometry(
-    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray
-) -> None:
-    """One robot's nodes, with a first guess of their poses, and the odometry between them."""
+def add_first_guess(initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray) -> None:
+    """Poses of one robot's nodes as odometry has them."""
     T_odom_node = se3.from_rotation_translation(np.broadcast_to(np.eye(3), (len(nodes), 3, 3)), nodes.position)
     for number, T_world_node in enumerate(T_world_odom @ T_odom_node):
         initial.insert(first + number, gtsam.Pose3(T_world_node))
-    for number, (step, covariance) in enumerate(zip(*nodes.steps(), strict=True)):
-        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        measured = gtsam.Pose3(gtsam.Rot3(), step)
-        graph.add(gtsam.BetweenFactorPose3(first + number, first + number + 1, measured, noise))
+
+
+def odometry_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) -> gtsam.NonlinearFactorGraph:
+    """Between neighbouring nodes of each robot; `first` is the key of its first node."""
+    graph = gtsam.NonlinearFactorGraph()
+    for robot, own in nodes.items():
+        for key, (step, covariance) in enumerate(zip(*own.steps(), strict=True), first[robot]):
+            noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+            graph.add(gtsam.BetweenFactorPose3(key, key + 1, gtsam.Pose3(gtsam.Rot3(), step), noise))
+    return graph
 
 
 def frame_prior(initial: gtsam.Values, key: int, anchor: bool, settings: FilterSettings) -> gtsam.NonlinearFactor:
