@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.types import (
     CandidatePairs,
@@ -24,6 +26,12 @@ from wiclosure.types import (
 )
 from wiclosure.wiclosure_filter.config import OracleSettings, RandomSettings, RangeGateSettings
 from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs, from_codes
+
+TRUTH_COVARIANCE = np.diag(np.square([0.05, 0.05, 0.05, 0.5, 0.5, 0.5]))
+"""Of a relative pose by ground truth: recorded ones are good to some decimetres and degrees."""
+
+MISFIT = 0.3
+"""Share of the motion up to which truth and odometry count as alike: drift stays below, other axes do not."""
 
 
 class PairwiseFilter(ABC):
@@ -85,8 +93,29 @@ class RandomFilter(PairwiseFilter):
         return from_codes(a.robot, b.robot, np.sort(codes).astype(np.int64), len(b))
 
 
+@dataclass(frozen=True, eq=False)
+class TruePoses:
+    """Predicts relative poses by ground truth; `wiclosure.types.RelativePosePredictor`.
+
+    Args:
+        poses: `(N, 4, 4)` true `T_world_body` of the keyframes, by robot.
+    """
+
+    poses: Mapping[str, FloatArray]
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """True `T_a_b (M, 4, 4)`, and the covariance `(M, 6, 6)` of recorded ground truth."""
+        T_a_b = se3.between(self.poses[robot_a][index_a], self.poses[robot_b][index_b])
+        return T_a_b, np.broadcast_to(TRUTH_COVARIANCE, (len(index_a), 6, 6))
+
+
 class OracleFilter(PairwiseFilter):
-    """Keeps the pairs that are near in truth: the best that any filter by position can do.
+    """Keeps the pairs that are near in truth, and predicts their true poses: the best that any filter can do.
+
+    A filter that knows where the robots are tells the registration where to start and what to refuse, which in
+    symmetric halls is worth more than the choice of pairs; so the upper bound must tell it too.
 
     Args:
         ground_truth: true trajectories of all robots in one frame, covering the keyframes' time.
@@ -107,14 +136,45 @@ class OracleFilter(PairwiseFilter):
             KDTree(self._true_positions(b)), self.settings.radius_m, output_type="coo_matrix"
         )
         codes = np.sort(near.row.astype(np.int64) * len(b) + near.col)
-        return from_codes(a.robot, b.robot, codes, len(b))
+        kept = from_codes(a.robot, b.robot, codes, len(b))
+        if not (self._in_lidar_axes(a) and self._in_lidar_axes(b)):
+            return kept
+        return replace(
+            kept,
+            overlap_probability=np.ones(len(kept)),
+            predictor=TruePoses({keyframes.robot: self._true_poses(keyframes) for keyframes in (a, b)}),
+        )
+
+    def candidates(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> FilterResult:
+        """Near pairs of all pairs of robots; says so where ground truth cannot predict poses."""
+        found = super().candidates(trajectories, wireless)
+        return replace(
+            found,
+            diagnosis=tuple(
+                f"oracle: the orientations of {robot}'s ground truth are not the LiDAR's, so it predicts no poses there"
+                for robot, keyframes in trajectories.items()
+                if not self._in_lidar_axes(keyframes)
+            ),
+        )
+
+    def _in_lidar_axes(self, keyframes: Trajectory) -> bool:
+        """Whether truth and odometry move alike, each in its own body's axes."""
+        ends = np.unique(np.linspace(0, len(keyframes) - 1, 20, dtype=np.int64))
+        moved, moved_truth = (
+            se3.between(poses[ends[:-1]], poses[ends[1:]])[:, :3, 3]
+            for poses in (keyframes.poses, self._true_poses(keyframes))
+        )
+        return bool(np.linalg.norm(moved - moved_truth) <= MISFIT * np.linalg.norm(moved))
 
     def _true_positions(self, keyframes: Trajectory) -> FloatArray:
+        return self._true_poses(keyframes)[:, :3, 3]
+
+    def _true_poses(self, keyframes: Trajectory) -> FloatArray:
         if keyframes.robot not in self.ground_truth:
             raise InputError(
                 f"the oracle filter has no ground truth of {keyframes.robot}; give ground_truth for every robot"
             )
-        return self.ground_truth[keyframes.robot].at(keyframes.stamps_ns)[:, :3, 3]
+        return self.ground_truth[keyframes.robot].at(keyframes.stamps_ns)
 
 
 class RangeGateFilter(PairwiseFilter):

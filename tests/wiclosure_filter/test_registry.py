@@ -114,6 +114,25 @@ def test_oracle_keeps_exactly_the_near_pairs(world: dict[str, Trajectory], odome
         np.testing.assert_array_equal(np.argwhere(near), np.stack([pairs.index_a, pairs.index_b], axis=1))
 
 
+def test_oracle_predicts_the_true_poses(world: dict[str, Trajectory], odometry: dict[str, Trajectory]) -> None:
+    pairs = OracleFilter(world, OracleSettings(radius_m=20.0)).candidates(odometry, WirelessLog()).pairs[0]
+    prediction = pairs.predicted(np.arange(len(pairs)))
+    assert prediction is not None
+    expected = se3.between(world["alpha"].poses[pairs.index_a], world["beta"].poses[pairs.index_b])
+    np.testing.assert_allclose(prediction[0], expected, atol=1e-12)
+
+
+def test_oracle_predicts_nothing_by_truth_in_other_axes(
+    world: dict[str, Trajectory], odometry: dict[str, Trajectory]
+) -> None:
+    sideways = se3.from_yaw(np.array([np.pi / 2]), np.zeros((1, 3)))[0]
+    turned = world | {"beta": Trajectory("beta", world["beta"].stamps_ns, world["beta"].poses @ sideways)}
+    result = OracleFilter(turned, OracleSettings()).candidates(odometry, WirelessLog())
+    assert [pairs.predictor is None for pairs in result.pairs] == [True, False, True]
+    assert len(result.diagnosis) == 1
+    assert "beta" in result.diagnosis[0]
+
+
 def test_oracle_needs_ground_truth(world: dict[str, Trajectory], odometry: dict[str, Trajectory]) -> None:
     with pytest.raises(ConfigError, match="needs ground truth"):
         make_filter("oracle")
