@@ -52,24 +52,21 @@ class Config(Settings):
 
 
 def load_config(
-    source: str | None = None,
-    *,
+    *sources: str,
     environment: Mapping[str, str] | None = None,
     overrides: Sequence[str] = (),
 ) -> Config:
     """The configuration from all its places.
 
     Args:
-        source: path of a YAML file, or name of a preset in `wiclosure.configs`; None for defaults.
+        sources: paths of YAML files, or names of presets in `wiclosure.configs`, each laid over those before it.
         environment: usually `os.environ`.
         overrides: `key.path=value` words, values in YAML.
 
     Raises:
         ConfigError: names the key, the value and the place it came from, and suggests the near key.
     """
-    layers: list[tuple[str, dict[str, Any]]] = []
-    if source is not None:
-        layers.append(_read_file(source))
+    layers = [_read_file(source) for source in sources]
     layers.append(("the environment", _from_environment(environment or {})))
     layers.append(("--set", nested_words(overrides, "--set")))
     merged: dict[str, Any] = {}
@@ -84,9 +81,14 @@ def load_config(
 
 
 def resolve(
-    source: str | None, overrides: Sequence[str] | None, *, seed: int | None = None, use_filter: str | None = None
+    source: str | None,
+    overrides: Sequence[str] | None,
+    *,
+    preset: str | None = None,
+    seed: int | None = None,
+    use_filter: str | None = None,
 ) -> Config:
-    """The configuration of a command: its file, this process's environment, and its options.
+    """The configuration of a command: its file, a preset on top, this process's environment, and its options.
 
     Raises:
         ConfigError: see `load_config`.
@@ -96,7 +98,8 @@ def resolve(
         words.append(f"filter.random.seed={seed}")
     if use_filter is not None:
         words.append(f"use_filter={use_filter}")
-    return load_config(source, environment=os.environ, overrides=words)
+    sources = [name for name in (source, preset) if name is not None]
+    return load_config(*sources, environment=os.environ, overrides=words)
 
 
 def preset_names() -> list[str]:
@@ -119,9 +122,10 @@ def _read_file(source: str) -> tuple[str, dict[str, Any]]:
     elif "/" not in source and preset.is_file():
         text = preset.read_text(encoding="utf-8")
     else:
-        raise ConfigError(
-            f"configuration {source} not found; give a YAML file or a preset: {', '.join(preset_names())}"
-        )
+        known = preset_names()
+        near = difflib.get_close_matches(source, known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}? Give" if near else "give"
+        raise ConfigError(f"configuration {source} not found; {hint} a YAML file or a preset: {', '.join(known)}")
     try:
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:

@@ -68,14 +68,14 @@ class Configuration:
     seed: Annotated[int | None, typer.Option("--seed", help="seed of the random filter; nothing else is random")] = None
 
     def resolved(self, *, preset: str | None = None, use_filter: str | None = None) -> Config:
-        """The configuration, on top of a preset where one is given in place of the file.
+        """The configuration: the file, a preset laid over it, then single settings.
 
         Raises:
             ConfigError: see `wiclosure.pipeline.config.load_config`.
         """
         from wiclosure.pipeline.config import resolve
 
-        return resolve(preset or self.config, self.set_, seed=self.seed, use_filter=use_filter)
+        return resolve(self.config, self.set_, preset=preset, seed=self.seed, use_filter=use_filter)
 
 
 @dataclass(frozen=True, slots=True)
