@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,14 +31,18 @@ class Ground:
     def _surface(self) -> RectBivariateSpline:
         return RectBivariateSpline(self.x_m, self.y_m, self.height_m, kx=3, ky=3, s=0)
 
+    @cached_property
+    def _slopes(self) -> tuple[Callable[..., FloatArray], Callable[..., FloatArray]]:
+        """Along x and y, prepared once: asked of the surface itself, every call would go over the whole grid."""
+        return self._surface.partial_derivative(1, 0), self._surface.partial_derivative(0, 1)
+
     def height(self, xy: FloatArray) -> FloatArray:
         """Heights `(N,)` at `xy (N, 2)`; outside of the grid those of its border."""
         return np.asarray(self._surface.ev(xy[:, 0], xy[:, 1]), float)
 
     def normal(self, xy: FloatArray) -> FloatArray:
         """Unit normals `(N, 3)`, pointing up."""
-        slope_x = self._surface.ev(xy[:, 0], xy[:, 1], dx=1)
-        slope_y = self._surface.ev(xy[:, 0], xy[:, 1], dy=1)
+        slope_x, slope_y = (slope(xy[:, 0], xy[:, 1], grid=False) for slope in self._slopes)
         normal = np.stack([-slope_x, -slope_y, np.ones(len(xy))], axis=1)
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 

@@ -98,6 +98,11 @@ class LidarModel:
         """`(columns,)` time after the start of the turn at which each column fires."""
         return np.round(np.arange(self.columns) * (self.period_ns / self.columns)).astype(np.int64)
 
+    @cached_property
+    def ray_times_s(self) -> FloatArray:
+        """`(columns * beams,)` seconds after the start of the turn at which each ray leaves."""
+        return np.repeat(self.column_offsets_ns / 1e9, len(self.elevations_deg))
+
 
 @dataclass(frozen=True, eq=False)
 class Individual:
@@ -114,6 +119,8 @@ class Individual:
     range_error_m: Float32Array
 
 
+_POSES_A_TURN = 41
+
 Motion = Callable[[IntArray], FloatArray]
 """`T_world_sensor (N, 4, 4)` at stamps `(N,)`, nanoseconds."""
 
@@ -121,12 +128,14 @@ Motion = Callable[[IntArray], FloatArray]
 def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: np.random.Generator) -> Scan:
     """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time."""
     model, beams = lidar.model, len(lidar.range_error_m)
-    T_world_sensor = motion(stamp_ns + model.column_offsets_ns).astype(np.float32)
+    T_world_sensor = _column_poses(model, motion, stamp_ns)
     rays = np.empty((model.columns, beams, 6), np.float32)
-    rays[..., :3] = T_world_sensor[:, None, :3, 3]
-    np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :3, :3], 1, 2), out=rays[..., 3:])
+    rays[..., :3] = T_world_sensor[:, None, :, 3]
+    np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :, :3], 1, 2), out=rays[..., 3:])
     true_m, cosine = scene.cast(rays.reshape(-1, 6))
-    range_m = true_m + np.float32(model.range_sigma_m) * rng.standard_normal(len(true_m), dtype=np.float32)
+    range_m = rng.standard_normal(len(true_m), dtype=np.float32)
+    range_m *= np.float32(model.range_sigma_m)
+    range_m += true_m
     range_m += np.tile(lidar.range_error_m, model.columns)
     seen = np.flatnonzero(
         (range_m >= model.min_range_m)
@@ -134,9 +143,23 @@ def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: n
         & (cosine >= model.least_cosine * (true_m / model.reach_m) ** 2)
         & (rng.random(len(true_m), dtype=np.float32) >= model.dropout)
     )
-    points = model.directions.reshape(-1, 3)[seen] * range_m[seen, None]
-    times: FloatArray = model.column_offsets_ns[seen // beams] / 1e9
-    return Scan(stamp_ns, points.astype(np.float64), times, cosine[seen])
+    points = np.take(model.directions.reshape(-1, 3), seen, axis=0)
+    points *= np.take(range_m, seen)[:, None]
+    return Scan(stamp_ns, points.astype(np.float64), np.take(model.ray_times_s, seen), np.take(cosine, seen))
+
+
+def _column_poses(model: LidarModel, motion: Motion, stamp_ns: int) -> Float32Array:
+    """`T_world_sensor (columns, 3, 4)`, straight between a few poses of the turn.
+
+    In a fortieth of a turn (2.5 ms at 10 Hz) the straight line errs by less than float32 resolves (1 rad/s: 1e-6).
+    """
+    offsets_ns = model.column_offsets_ns
+    knots_ns = np.linspace(0, offsets_ns[-1], _POSES_A_TURN).astype(np.int64)
+    poses = motion(stamp_ns + knots_ns)[:, :3].reshape(_POSES_A_TURN, 12)
+    after = np.clip(np.searchsorted(knots_ns, offsets_ns), 1, _POSES_A_TURN - 1)
+    share = ((offsets_ns - knots_ns[after - 1]) / (knots_ns[after] - knots_ns[after - 1]))[:, None]
+    columns = poses[after - 1] + share * (poses[after] - poses[after - 1])
+    return columns.astype(np.float32).reshape(-1, 3, 4)
 
 
 def _even(low_deg: float, high_deg: float, beams: int) -> tuple[float, ...]:
