@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import accumulate, combinations
 from typing import Literal
 
 import numpy as np
@@ -62,6 +62,9 @@ class RadioSettings(Settings):
     reflections: bool = Field(True, description="whether walls of the scene mirror; else all false paths are diffuse")
     heading_sigma_deg: float | None = Field(None, ge=0, description="degrees; none given: robots have no compass")
     heading_every_s: float = Field(1.0, gt=0, description="s between compass readings")
+    heading_memory_s: float = Field(
+        30.0, ge=0, description="s over which a compass error fades: steel nearby disturbs many readings alike"
+    )
     schedule: tuple[LinkWindow, ...] = Field((), description="when links are up; empty: always")
 
 
@@ -282,8 +285,17 @@ def _headings(truth: Trajectory, settings: RadioSettings, rng: np.random.Generat
     stamps_ns = np.arange(
         truth.stamps_ns[0], truth.stamps_ns[-1] + 1, round(settings.heading_every_s * 1e9), dtype=np.int64
     )
-    yaw = se3.yaw(truth.at(stamps_ns)) + sigma * rng.standard_normal(len(stamps_ns))
+    yaw = se3.yaw(truth.at(stamps_ns)) + sigma * _fading(len(stamps_ns), settings, rng)
     return [
         Heading(int(stamp_ns), truth.robot, float(angle), max(float(sigma), _LEAST_SIGMA))
         for stamp_ns, angle in zip(stamps_ns, np.arctan2(np.sin(yaw), np.cos(yaw)), strict=True)
     ]
+
+
+def _fading(count: int, settings: RadioSettings, rng: np.random.Generator) -> FloatArray:
+    """Standard normal numbers `(N,)`, each alike to the ones before (first-order Gauss-Markov)."""
+    kept = np.exp(-settings.heading_every_s / max(settings.heading_memory_s, 1e-9))
+    fresh = np.sqrt(1 - kept**2)
+    steps = fresh * rng.standard_normal(count)
+    steps[:1] /= fresh
+    return np.fromiter(accumulate(steps, lambda last, step: kept * last + step), float, count)

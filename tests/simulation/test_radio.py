@@ -220,16 +220,29 @@ def test_reach_is_shorter_through_walls() -> None:
     assert len(simulate_wireless_from_poses(robots, noise_free(**asked, blocked_range=0.5), 0).measurements) > 90
 
 
-def test_headings_only_with_a_compass() -> None:
-    robots = two_robots()
-    assert simulate_wireless_from_poses(robots, noise_free(), 0).headings == ()
-    log = simulate_wireless_from_poses(robots, noise_free(heading_sigma_deg=2.0, heading_every_s=0.1), 0)
+def heading_errors_deg(robots: dict[str, Trajectory], settings: RadioSettings) -> FloatArray:
+    log = simulate_wireless_from_poses(robots, settings, 0)
+    assert [h.stamp_ns for h in log.headings] == sorted(h.stamp_ns for h in log.headings)
     alphas = [heading for heading in log.headings if heading.robot == "alpha"]
     yaw = se3.yaw(robots["alpha"].at(np.array([heading.stamp_ns for heading in alphas])))
     off = np.array([heading.heading for heading in alphas]) - yaw
-    off = np.rad2deg(np.arctan2(np.sin(off), np.cos(off)))
-    assert off.std() == pytest.approx(2.0, rel=0.05)
-    assert [h.stamp_ns for h in log.headings] == sorted(h.stamp_ns for h in log.headings)
+    return np.rad2deg(np.arctan2(np.sin(off), np.cos(off)))
+
+
+def test_headings_only_with_a_compass() -> None:
+    robots = two_robots()
+    assert simulate_wireless_from_poses(robots, noise_free(), 0).headings == ()
+    compass = noise_free(heading_sigma_deg=2.0, heading_every_s=0.1, heading_memory_s=0.0)
+    assert heading_errors_deg(robots, compass).std() == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize("memory_s", [0.0, 3.0])
+def test_a_compass_is_wrong_alike_for_a_while(memory_s: float) -> None:
+    compass = noise_free(heading_sigma_deg=2.0, heading_every_s=1.0, heading_memory_s=memory_s)
+    off = heading_errors_deg(two_robots(3000), compass)
+    assert off.std() == pytest.approx(2.0, rel=0.1)
+    alike = np.corrcoef(off[:-1], off[1:])[0, 1]
+    assert alike == pytest.approx(np.exp(-1 / memory_s) if memory_s else 0.0, abs=0.06)
 
 
 def test_ranges_or_bearings_alone() -> None:
