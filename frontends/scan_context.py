@@ -11,14 +11,15 @@ from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
 from wiclosure.frontends.config import ScanContextSettings
 from wiclosure.types import Float32Array, FloatArray, IntArray
 
-_PAIRS_AT_ONCE = 2048
 _MIN_SHARED_COLUMNS = 0.25
+
+# Pairs are compared in rectangles of so many keyframes: large enough for matrix products, small enough for caches.
+_QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 250
 
 
 def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -> Float32Array:
@@ -57,40 +58,26 @@ class ColumnSpectra:
     """Descriptors made ready to be compared at all column shifts: Fourier transforms along the sectors.
 
     Args:
-        columns: `(K, rings, frequencies)` complex64, of the columns scaled to unit length.
-        occupied: `(K, frequencies)` complex64, of the mask of columns that are not empty.
-        sectors: number of columns.
+        columns: `(frequencies, K, 2 rings)` float32, real and imaginary parts, of the columns scaled to unit length.
+        occupied: `(K, sectors)` float32, 1 where a column is not empty.
     """
 
-    columns: NDArray[np.complex64]
-    occupied: NDArray[np.complex64]
-    sectors: int
+    columns: Float32Array
+    occupied: Float32Array
 
     @classmethod
     def of(cls, descriptors: Float32Array) -> Self:
         """Transforms of descriptors `(K, rings, sectors)`."""
         length = np.linalg.norm(descriptors, axis=1, keepdims=True)
         unit = np.divide(descriptors, length, out=np.zeros_like(descriptors), where=length > 0)
-        return cls(
-            np.asarray(fft.rfft(unit, axis=2), np.complex64),
-            np.asarray(fft.rfft((length[:, 0] > 0).astype(np.float32), axis=1), np.complex64),
-            descriptors.shape[2],
-        )
+        spectrum = fft.rfft(np.asarray(unit, np.float32), axis=2).transpose(2, 0, 1)
+        columns = np.concatenate([spectrum.real, spectrum.imag], axis=2)
+        return cls(np.asarray(columns, np.float32), (length[:, 0] > 0).astype(np.float32))
 
-
-def distance_profiles(
-    query: ColumnSpectra, match: ColumnSpectra, index_query: IntArray, index_match: IntArray
-) -> Float32Array:
-    """Distance of each pair at each column shift, `(M, sectors)` (paper, eq. 6).
-
-    One minus the mean cosine of the columns.  By the correlation theorem the sums over all shifts are one product of
-    spectra.  The mean runs over columns occupied in both, so that a sensor that does not look all around can be
-    compared, but over at least a quarter of them: a few alike columns are no place.
-    """
-    cosines = np.einsum("mrf,mrf->mf", query.columns[index_query], match.columns[index_match].conj())
-    shared = query.occupied[index_query] * match.occupied[index_match].conj()
-    cosines, shared = (fft.irfft(spectrum, n=query.sectors, axis=1) for spectrum in (cosines, shared))
-    return np.asarray(1.0 - cosines / np.maximum(shared, _MIN_SHARED_COLUMNS * query.sectors), np.float32)
+    @property
+    def sectors(self) -> int:
+        """Number of columns."""
+        return int(self.occupied.shape[1])
 
 
 def compare(
@@ -98,14 +85,74 @@ def compare(
 ) -> tuple[FloatArray, FloatArray]:
     """Distance `(M,)` in [0, 1] at the best shift (paper, eq. 7), and yaw `(M,)` of the match's body in the query's.
 
-    Yaws are in (-pi, pi]: a point at azimuth phi of the match is at phi + yaw of the query.  Memory is bounded whatever
-    the number of pairs.
+    Yaws are in (-pi, pi]: a point at azimuth phi of the match is at phi + yaw of the query.  Time follows the number of
+    pairs as long as neighbouring queries are paired with much the same matches; memory is bounded.
     """
     distance, shift = np.zeros(len(index_query)), np.zeros(len(index_query), np.int64)
-    for start in range(0, len(index_query), _PAIRS_AT_ONCE):
-        chunk = slice(start, start + _PAIRS_AT_ONCE)
-        profile = distance_profiles(query, match, index_query[chunk], index_match[chunk])
-        shift[chunk] = profile.argmin(axis=1)
-        distance[chunk] = profile.min(axis=1)
-    turn = shift / query.sectors
-    return np.clip(distance, 0.0, 1.0), 2 * np.pi * np.where(turn > 0.5, turn - 1.0, turn)
+    comparison = _Comparison(query, match)
+    order = np.argsort(index_query, kind="stable")
+    queries, first = np.unique(index_query[order], return_index=True)
+    for band in range(0, len(queries), _QUERIES_AT_ONCE):
+        rows = queries[band : band + _QUERIES_AT_ONCE]
+        pairs = order[first[band] : (first[band + len(rows)] if band + len(rows) < len(first) else None)]
+        columns, at = np.unique(index_match[pairs], return_inverse=True)
+        for start in range(0, len(columns), _MATCHES_AT_ONCE):
+            inside = (at >= start) & (at < start + _MATCHES_AT_ONCE)
+            chosen = pairs[inside]
+            similarity, turn = comparison.best(rows, columns[start : start + _MATCHES_AT_ONCE])
+            cell = np.searchsorted(rows, index_query[chosen]), at[inside] - start
+            distance[chosen], shift[chosen] = 1.0 - similarity[cell], turn[cell]
+    turned = shift / query.sectors
+    return np.clip(distance, 0.0, 1.0), 2 * np.pi * np.where(turned > 0.5, turned - 1.0, turned)
+
+
+class _Comparison:
+    """Similarities of rectangles of pairs, in working memory that is used again and again."""
+
+    def __init__(self, query: ColumnSpectra, match: ColumnSpectra) -> None:
+        self._query, self._match = query, match
+        # A product of one spectrum with another's conjugate, in real numbers: its real part, then its imaginary part.
+        re, im = np.split(query.columns, 2, axis=2)
+        self._queries = np.stack([query.columns, np.concatenate([im, -re], axis=2)])
+        self._matches = np.ascontiguousarray(match.columns.transpose(0, 2, 1))
+        self._shifts = query.sectors
+        self._waves = _inverse_transform(self._shifts)
+        # Rows of a length that is no power of two do not fight for the same lines of the cache.
+        pairs = _QUERIES_AT_ONCE * _MATCHES_AT_ONCE + 16
+        self._spectra = np.empty((self._waves.shape[1], pairs), np.float32)
+        self._profiles, self._shared = (np.empty((self._shifts, pairs), np.float32) for _ in range(2))
+
+    def best(self, rows: IntArray, columns: IntArray) -> tuple[Float32Array, IntArray]:
+        """Greatest similarity `(R, C)` of queries `rows` and matches `columns` over all shifts, and that shift.
+
+        The similarity at a shift (paper, eq. 6) is the mean cosine of the columns.  By the correlation theorem the sums
+        over all shifts are products of spectra: one matrix product a frequency, and one back to shifts.  The mean runs
+        over columns occupied in both, so that a sensor that does not look all around can be compared, but over at least
+        a quarter of them: a few alike columns are no place.
+        """
+        shape, pairs = (len(rows), len(columns)), len(rows) * len(columns)
+        spectra, profiles = self._spectra[:, :pairs], self._profiles[:, :pairs]
+        products = spectra.reshape(2, len(self._matches), *shape)
+        np.matmul(self._queries[:, :, rows], self._matches[:, :, columns], out=products)
+        np.matmul(self._waves, spectra, out=profiles)
+        profiles /= self._columns_shared(rows, columns)
+        shift = profiles.argmax(axis=0)
+        return profiles[shift, np.arange(pairs)].reshape(shape), shift.reshape(shape)
+
+    def _columns_shared(self, rows: IntArray, columns: IntArray) -> Float32Array:
+        """Over how many columns the mean runs, `(shifts or 1, R * C)`."""
+        query, match = self._query.occupied[rows], self._match.occupied[columns]
+        least = np.float32(_MIN_SHARED_COLUMNS * self._shifts)
+        if query.all() or match.all():  # as with most sensors that look all around: the same at every shift
+            fewer = np.minimum.outer(query.sum(axis=1), match.sum(axis=1))
+            return np.asarray(np.maximum(fewer, least).reshape(1, -1), np.float32)
+        shared = self._shared[:, : len(rows) * len(columns)]
+        turned = np.stack([np.roll(query, -shift, axis=1) for shift in range(self._shifts)])
+        np.matmul(turned, match.T, out=shared.reshape(self._shifts, len(rows), len(columns)))
+        return np.maximum(shared, least, out=shared)
+
+
+def _inverse_transform(sectors: int) -> Float32Array:
+    """`(sectors, 2 frequencies)`: from real and imaginary parts of a real signal's spectrum to the signal."""
+    identity = np.eye(sectors // 2 + 1)
+    return np.asarray(fft.irfft(np.concatenate([identity, 1j * identity]), n=sectors, axis=1).T, np.float32, order="C")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wiclosure import se3
 from wiclosure.frontends.config import ScanContextSettings
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe, distance_profiles, ring_keys
+from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe, ring_keys
 from wiclosure.types import FloatArray
 
 SETTINGS = ScanContextSettings()
@@ -61,13 +61,30 @@ def test_ring_keys_do_not_change_when_the_sensor_turns(seed: int, angle: float) 
         np.testing.assert_allclose(keys[0], keys[1], atol=1e-5)
 
 
-@given(seed=st.integers(0, 1000), houses=st.integers(1, 80))
-@settings(max_examples=15, deadline=None)
-def test_all_shifts_at_once_equal_shifting_columns_by_hand(seed: int, houses: int) -> None:
-    query, match = (describe(town(s, houses), SETTINGS) for s in (seed, seed + 1))
-    spectra = [ColumnSpectra.of(d[None]) for d in (query, match)]
-    profile = distance_profiles(*spectra, np.array([0]), np.array([0]))[0]
-    np.testing.assert_allclose(profile, brute_force_profile(query, match), atol=1e-4)
+@given(
+    seed=st.integers(0, 1000),
+    counts=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    shape=st.sampled_from([(20, 60), (5, 7), (3, 4)]),
+    empty=st.sampled_from([0.0, 0.3, 0.9]),
+    share=st.floats(0, 1),
+)
+@settings(max_examples=30, deadline=None)
+def test_all_pairs_at_all_shifts_at_once_equal_shifting_columns_by_hand(
+    seed: int, counts: tuple[int, int], shape: tuple[int, int], empty: float, share: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    query, match = (
+        (rng.random((count, *shape)) ** 3 * (rng.random((count, 1, shape[1])) >= empty)).astype(np.float32)
+        for count in counts
+    )
+    a, b = np.divmod(np.flatnonzero(rng.random(counts[0] * counts[1]) < share), counts[1])
+    order = rng.permutation(len(a))
+    a, b = a[order], b[order]
+    distance, yaw = compare(ColumnSpectra.of(query), ColumnSpectra.of(match), a, b)
+    for k in rng.permutation(len(a))[:20]:
+        profile = brute_force_profile(query[a[k]], match[b[k]])
+        assert distance[k] == pytest.approx(profile.min(), abs=1e-5)
+        assert profile[round(yaw[k] / (2 * np.pi) * shape[1])] == pytest.approx(profile.min(), abs=1e-5)
 
 
 def test_a_bin_holds_its_greatest_height_above_the_offset() -> None:
