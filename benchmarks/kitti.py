@@ -32,6 +32,24 @@ class Team:
             {name: self.odometry[name].subset(rows) for name, rows in chosen.items()},
         )
 
+    def worse(self, factor: float, seed: int) -> Team:
+        """Odometry with planar errors added, so that it drifts `factor` >= 1 times as much as its drift model says."""
+        rng = np.random.default_rng(seed)
+        return Team(self.truth, {robot: _worse(t, np.sqrt(factor**2 - 1), rng) for robot, t in self.odometry.items()})
+
+
+def _worse(odometry: Trajectory, factor: float, rng: np.random.Generator) -> Trajectory:
+    drift = odometry.drift
+    steps = se3.between(odometry.poses[:-1], odometry.poses[1:])
+    metres, turn = np.linalg.norm(steps[:, :3, 3], axis=1), se3.rotation_angle(steps)
+    sigma = np.zeros((len(steps), 6))
+    sigma[:, 2] = np.sqrt(drift.rotation_walk**2 * metres + drift.rotation_walk_turning**2 * turn)
+    sigma[:, 3:5] = (drift.translation_walk * np.sqrt(metres))[:, None]
+    poses = [odometry.poses[0]]
+    for step in steps @ se3.exp(factor * sigma * rng.normal(size=sigma.shape)):
+        poses.append(poses[-1] @ step)
+    return Trajectory(odometry.robot, odometry.stamps_ns, np.array(poses), drift)
+
 
 def every(trajectory: Trajectory, spacing_m: float) -> IntArray:
     """Poses at least so many metres from the one chosen before."""
