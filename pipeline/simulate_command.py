@@ -96,7 +96,7 @@ def simulate(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a simulated data set: recordings, wireless log, ground truth, dataset.yaml.
+    """Write a simulated data set: recordings, wireless log, ground truth, dataset.yaml, plan.png.
 
     Without the disk: wiclosure run scenario:NAME
 
@@ -106,6 +106,7 @@ def simulate(
 
     from wiclosure.pipeline.log import warnings_on_terminal
     from wiclosure.pipeline.output import whole_folder
+    from wiclosure.pipeline.plan_view import draw_plan
     from wiclosure.pipeline.scenario_source import scenario_settings
     from wiclosure.pipeline.scenario_writer import require_format, write_scenario
     from wiclosure.simulation.scenarios import make_scenario
@@ -116,5 +117,6 @@ def simulate(
         with whole_folder(out, overwrite=overwrite) as scratch:
             formats = dict.fromkeys(made.robots, recording_format)
             write_scenario(made, scratch, formats, progress=Working(quiet=quiet).progress)
+            draw_plan(made, scratch / "plan.png")
     if not quiet:
         Console().print(f"{len(made.robots)} robots in {out}; merge them with: wiclosure run {out}")

@@ -130,4 +130,4 @@ def _clutter(builder: SceneBuilder, rng: np.random.Generator) -> None:
     for _ in range(14):
         size = rng.uniform(0.4, 1.2, 3)
         row_m = rng.choice([-19.7, 19.2, -14.6]) + rng.uniform(-0.3, 0.3)
-        builder.stand(box(*size.tolist()), rng.uniform(-28, 28), row_m, rng.uniform(0, np.pi))
+        builder.stand(box(*size.tolist()), rng.uniform(-22, 22), row_m, rng.uniform(0, np.pi))
