@@ -6,8 +6,9 @@ pair of robots and the odometry between their ends make a cycle; for true closur
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -17,11 +18,11 @@ from scipy.stats import chi2
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
+from wiclosure.backends.cycles import Cycles, mahalanobis_squared
 from wiclosure.max_clique import Clique, max_clique
 from wiclosure.types import Closure, Decision, FloatArray, IntArray, Trajectory
 
 BoolArray = NDArray[np.bool_]
-PAIRS_AT_ONCE = 20_000  # of closures; bounds memory to some 50 MB
 BELIEVABLE_CHANCE = 0.05  # expected number of sets as large that chance alone would make
 
 
@@ -106,60 +107,21 @@ def consistency_matrix(
     closures: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PcmSettings
 ) -> BoolArray:
     """`(N, N)` symmetric, diagonal false: which closures of two robots agree with each other."""
+    cycles = Cycles.of(closures, trajectories)
     consistent = np.zeros((len(closures), len(closures)), bool)
-    for first, second in _pairs_in_chunks(len(closures)):
-        if settings.metric == "mahalanobis":
-            limit = float(chi2.ppf(settings.probability, 6))
-            agree = cycle_mahalanobis_squared(closures, trajectories, first, second) < limit
-        else:
-            error = cycle_error(closures, trajectories, first, second, legacy=settings.cycle == "legacy")
-            agree = np.linalg.norm(error, axis=1) < settings.unit_threshold
-        consistent[first, second] = consistent[second, first] = agree
+    for row in range(1, len(closures)):
+        consistent[row, :row] = consistent[:row, row] = agree(cycles, row, np.arange(row), settings)
     return consistent
 
 
-def cycle_error(
-    z: ClosureSet, trajectories: Mapping[str, Trajectory], first: IntArray, second: IntArray, *, legacy: bool = False
-) -> FloatArray:
-    """`Log(z_ik^-1 x_ij z_jl x_lk)`, `(M, 6)`, for closures `first` (i, k) and `second` (j, l).
-
-    With `legacy`, DiSCo-SLAM's cycle: it stores each loop as source-to-target and multiplies it as target-to-source, so
-    z and its inverse change places.  Perfect closures then leave a residual, unless z is its own inverse (no offset,
-    heading equal or opposite).
-    """
-    x_ij = trajectories[z.robot_a].relative_pose(z.index_a[first], z.index_a[second])
-    x_lk = trajectories[z.robot_b].relative_pose(z.index_b[second], z.index_b[first])
-    z_ik, z_jl = z.T_a_b[first], z.T_a_b[second]
-    if legacy:
-        return se3.log(z_ik @ x_ij @ se3.inverse(z_jl) @ x_lk)
-    return _cycle(z_ik, x_ij, z_jl, x_lk)
-
-
-def cycle_mahalanobis_squared(
-    z: ClosureSet, trajectories: Mapping[str, Trajectory], first: IntArray, second: IntArray
-) -> FloatArray:
-    """`e^T Sigma^-1 e` `(M,)` of the cycle errors, Sigma to first order from both closures and both odometry segments.
-
-    The segments' covariance is that of the relative pose, not the sum of both ends': it vanishes where two closures
-    share a keyframe and grows with the distance between them.
-    """
-    a, b = trajectories[z.robot_a], trajectories[z.robot_b]
-    i, j, k, m = z.index_a[first], z.index_a[second], z.index_b[first], z.index_b[second]
-    x_ij, x_lk = a.relative_pose(i, j), b.relative_pose(m, k)
-    sigma = se3.inverse_covariance(z.T_a_b[first], z.covariance[first])
-    sigma = se3.compose_covariance(sigma, x_ij, a.relative_covariance(i, j))
-    sigma = se3.compose_covariance(sigma, z.T_a_b[second], z.covariance[second])
-    sigma = se3.compose_covariance(sigma, x_lk, b.relative_covariance(m, k))
-    return mahalanobis_squared(_cycle(z.T_a_b[first], x_ij, z.T_a_b[second], x_lk), sigma)
-
-
-def _cycle(z_ik: FloatArray, x_ij: FloatArray, z_jl: FloatArray, x_lk: FloatArray) -> FloatArray:
-    return se3.log(se3.inverse(z_ik) @ x_ij @ z_jl @ x_lk)
-
-
-def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """`e^T Sigma^-1 e` for stacks `(M, 6)` and `(M, 6, 6)`."""
-    return np.asarray(np.einsum("mi,mi->m", error, np.linalg.solve(covariance, error[..., None])[..., 0]))
+def agree(cycles: Cycles, row: int, others: IntArray, settings: PcmSettings) -> BoolArray:
+    """Which of the closures `others (M,)` agree with the closure `row`."""
+    if settings.metric == "mahalanobis":
+        limit = chi_square_limit(settings.probability)
+        return np.asarray(cycles.mahalanobis_squared(row, others, limit=limit) < limit)
+    legacy = settings.cycle == "legacy"
+    T = cycles.legacy_transforms(row, others) if legacy else cycles.closing_transforms(row, others)
+    return np.asarray(np.linalg.norm(se3.log(T), axis=1) < settings.unit_threshold)
 
 
 def agrees_with_odometry(z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PcmSettings) -> BoolArray:
@@ -171,17 +133,13 @@ def agrees_with_odometry(z: ClosureSet, trajectories: Mapping[str, Trajectory], 
         return np.asarray(np.linalg.norm(error, axis=1) < settings.unit_threshold)
     sigma = se3.inverse_covariance(z.T_a_b, z.covariance)
     sigma = se3.compose_covariance(sigma, x, odometry.relative_covariance(z.index_a, z.index_b))
-    return np.asarray(mahalanobis_squared(error, sigma) < chi2.ppf(settings.probability, 6))
+    return np.asarray(mahalanobis_squared(error, sigma) < chi_square_limit(settings.probability))
 
 
-def _pairs_in_chunks(n: int) -> Iterator[tuple[IntArray, IntArray]]:
-    """All (first, second) with first < second, some rows of the matrix at a time."""
-    rows_at_once = max(1, PAIRS_AT_ONCE // max(n, 1))
-    for start in range(0, n, rows_at_once):
-        rows = np.arange(start, min(start + rows_at_once, n))
-        first, second = np.nonzero(rows[:, None] < np.arange(n))
-        if len(first):
-            yield first + start, second
+@cache
+def chi_square_limit(probability: float) -> float:
+    """Quantile of chi-square with the 6 degrees of freedom of a rigid transform."""
+    return float(chi2.ppf(probability, 6))
 
 
 # --------------------------------------------------------------------------------------------------------- judgement

@@ -73,14 +73,24 @@ class AccumulatedDrift:
         np.cumsum(se3.adjoint(T_odom_body[1:]) * length[:, None, None], axis=0, out=bias[1:])
         return cls(walk, bias, sigma)
 
-    def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
-        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j, for index arrays `i, j (M,)` in any order."""
-        sign = np.where(i <= j, 1.0, -1.0)[:, None]
-        in_odom = _walk_covariance(sign * (self.walk[j] - self.walk[i]))
+    def between(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in the odometry frame, for index arrays in any order."""
+        covariance = _walk_covariance(np.where(i <= j, 1.0, -1.0)[:, None] * (self.walk[j] - self.walk[i]))
         if self.bias is not None:
             bias = (self.bias[j] - self.bias[i]) * self.bias_sigma
-            in_odom += bias @ np.swapaxes(bias, 1, 2)
-        return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), in_odom)
+            covariance += bias @ np.swapaxes(bias, 1, 2)
+        return covariance
+
+    def rotation_variance(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Variances `(M,)` of the rotation of `T_i_j`, summed over the axes."""
+        variance = 3.0 * np.abs(self.walk[j, 0] - self.walk[i, 0])
+        if self.bias is not None:
+            variance += np.sum(((self.bias[j, :3] - self.bias[i, :3]) * self.bias_sigma) ** 2, axis=(1, 2))
+        return variance
+
+    def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j."""
+        return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), self.between(i, j))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +110,13 @@ class AccumulatedSteps:
         np.cumsum(se3.rotate_covariance(se3.adjoint(T_odom_body[1:]), steps), axis=0, out=sums[1:])
         return cls(sums)
 
-    def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
-        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j, for index arrays `i, j (M,)` in any order."""
-        sign = np.where(i <= j, 1.0, -1.0)[:, None, None]
-        in_odom = sign * (self.sums[j] - self.sums[i])
-        return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), in_odom)
+    def between(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of `T_i_j`, as errors in the odometry frame, for index arrays in any order."""
+        return np.asarray(np.where(i <= j, 1.0, -1.0)[:, None, None] * (self.sums[j] - self.sums[i]))
+
+    def rotation_variance(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Variances `(M,)` of the rotation of `T_i_j`, summed over the axes."""
+        return np.asarray(np.abs(np.trace(self.sums[j, :3, :3] - self.sums[i, :3, :3], axis1=1, axis2=2)))
 
 
 _UPPER = np.triu_indices(3)

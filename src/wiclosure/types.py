@@ -168,7 +168,15 @@ class Trajectory:
 
     def relative_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
         """Covariances `(M, 6, 6)` of `relative_pose(i, j)` by the drift model or as stated, O(1) a pair."""
-        return self._accumulated_drift.covariance(self.poses, np.asarray(i), np.asarray(j))
+        return se3.rotate_covariance(se3.adjoint(se3.inverse(self.poses[j])), self.drift_between(i, j))
+
+    def drift_between(self, i: IntArray, j: IntArray) -> FloatArray:
+        """The same covariances `(M, 6, 6)`, as errors in the odometry frame instead of frame j."""
+        return self._accumulated_drift.between(np.asarray(i), np.asarray(j))
+
+    def rotation_variance_between(self, i: IntArray, j: IntArray) -> FloatArray:
+        """Traces `(M,)` of the rotation block of the same covariances, at a fraction of the cost."""
+        return self._accumulated_drift.rotation_variance(np.asarray(i), np.asarray(j))
 
 
 @dataclass(frozen=True, slots=True, order=True)

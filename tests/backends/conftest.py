@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.backends.g2o_reader import read_g2o
 from wiclosure.drift import DriftModel
 from wiclosure.types import Closure, Decision, Evidence, FloatArray, KeyframeId, Trajectory
 
@@ -80,57 +80,6 @@ def chain(start: FloatArray, steps: FloatArray) -> FloatArray:
     return np.stack(poses)
 
 
-@dataclass(frozen=True)
-class G2oTeam:
-    """A multi-robot graph from g2o files: odometry chained from its edges, and the edges between robots."""
-
-    odometry: dict[str, Trajectory]
-    closures: list[Closure]
-    vertices: dict[str, FloatArray]
-
-
-def load_g2o_team(folder: Path) -> G2oTeam:
-    """Reads `0.g2o`, `1.g2o`, ... whose keys are GTSAM symbols; edges between robots stand in both robots' files."""
-    vertices: dict[str, dict[int, FloatArray]] = {}
-    steps: dict[str, dict[int, FloatArray]] = {}
-    between: dict[tuple[KeyframeId, KeyframeId, str], Closure] = {}
-    for path in sorted(folder.glob("*.g2o")):
-        for line in path.read_text().splitlines():
-            tag, *fields = line.split()
-            if tag == "VERTEX_SE3:QUAT":
-                key = _symbol(fields[0])
-                vertices.setdefault(key.robot, {})[key.index] = _pose(fields[1:8])
-            elif tag == "EDGE_SE3:QUAT":
-                a, b = _symbol(fields[0]), _symbol(fields[1])
-                if a.robot == b.robot:
-                    assert b.index == a.index + 1
-                    steps.setdefault(a.robot, {})[b.index] = _pose(fields[2:9])
-                else:
-                    information = np.array(fields[9:], float)[[0, 6, 11, 15, 18, 20]]  # diagonal, translation first
-                    covariance = np.diag(1 / np.roll(information, 3))
-                    closure = Closure(a, b, _pose(fields[2:9]), covariance, Evidence(), Decision.VERIFIED)
-                    between[a, b, " ".join(fields[2:9])] = closure
-    drift = DriftModel(
-        translation_walk=0.1, rotation_walk=0.01, rotation_walk_turning=0.0, translation_bias=0.0, rotation_bias=0.0
-    )
-    odometry = {
-        robot: Trajectory(
-            robot, np.arange(len(poses), dtype=np.int64), chain(np.eye(4), np.stack(list(steps[robot].values()))), drift
-        )
-        for robot, poses in sorted(vertices.items())
-    }
-    return G2oTeam(odometry, list(between.values()), {r: np.stack(list(v.values())) for r, v in vertices.items()})
-
-
-def _symbol(key: str) -> KeyframeId:
-    return KeyframeId(chr(int(key) >> 56), int(key) & (2**56 - 1))
-
-
-def _pose(fields: Sequence[str]) -> FloatArray:
-    values = np.array(fields, float)
-    return se3.from_rotation_translation(Rotation.from_quat(values[3:]).as_matrix(), values[:3])
-
-
 @pytest.fixture(scope="session")
 def team_maker():
     """`make_team`, as a fixture because test folders are no packages."""
@@ -139,5 +88,5 @@ def team_maker():
 
 @pytest.fixture(scope="session")
 def g2o_loader():
-    """`load_g2o_team`, likewise."""
-    return load_g2o_team
+    """Reads the recorded graph in a folder."""
+    return lambda folder: read_g2o(sorted(folder.glob("*.g2o")))

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wiclosure import se3
@@ -14,15 +12,12 @@ from wiclosure.backends.config import ClosureNoise, PcmSettings
 from wiclosure.backends.pcm import (
     chance_sets,
     consistency_matrix,
-    cycle_error,
-    cycle_mahalanobis_squared,
     pairwise_consistent,
 )
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, Evidence, KeyframeId, Trajectory
+from wiclosure.types import Closure, Decision, Evidence, KeyframeId
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
-SEEDS = st.integers(0, 2**32 - 1)
 
 
 def random_closures(team, n, rng, *, noise=None):
@@ -30,27 +25,10 @@ def random_closures(team, n, rng, *, noise=None):
     return [team.closure(("alpha", int(a)), ("beta", int(b)), noise=noise) for a, b in pairs]
 
 
-@settings(max_examples=20, deadline=None)
-@given(seed=SEEDS)
-def test_perfect_closures_make_zero_residuals_and_one_full_clique(team_maker, seed):
-    team, rng = team_maker(seed), np.random.default_rng(seed)
-    closures = random_closures(team, 8, rng)
-    (z,), _ = closure_sets(closures, team.odometry, EXACT)
-    first, second = np.triu_indices(8, 1)
-    assert np.abs(cycle_error(z, team.odometry, first, second)).max() < 1e-5
-    assert pairwise_consistent(closures, team.odometry, PcmSettings()).pairs[0].kept == 8
-
-
-@settings(max_examples=20, deadline=None)
-@given(seed=SEEDS)
-def test_consistency_does_not_depend_on_the_odometry_frames(team_maker, seed):
-    team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
-    closures = random_closures(team, 10, rng, noise=rng)
-    moved = {r: t.moved(se3.from_yaw(rng.uniform(-3, 3), rng.normal(size=3) * 100.0)) for r, t in team.odometry.items()}
-    first, second = np.triu_indices(10, 1)
-    (z,), _ = closure_sets(closures, team.odometry, EXACT)
-    here, there = (cycle_mahalanobis_squared(z, t, first, second) for t in (team.odometry, moved))
-    np.testing.assert_allclose(here, there, rtol=1e-5, atol=1e-6)
+def test_perfect_closures_make_one_full_clique(team_maker):
+    for seed in range(5):
+        team, rng = team_maker(seed), np.random.default_rng(seed)
+        assert pairwise_consistent(random_closures(team, 8, rng), team.odometry, PcmSettings()).pairs[0].kept == 8
 
 
 def test_the_direction_of_a_closure_does_not_matter(team_maker):
@@ -71,16 +49,6 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
         (z,), _ = closure_sets(version, team.odometry, EXACT)
         matrices.append(consistency_matrix(z, team.odometry, PcmSettings()))
     np.testing.assert_array_equal(*matrices)
-
-
-def test_cycle_errors_of_noisy_closures_have_the_variance_that_sigma_promises(team_maker):
-    squared = []
-    for seed in range(200):
-        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
-        (z,), _ = closure_sets(random_closures(team, 2, rng, noise=rng), team.odometry, EXACT)
-        squared.append(cycle_mahalanobis_squared(z, team.odometry, np.array([0]), np.array([1]))[0])
-    # The mean of chi-square with 6 degrees of freedom is 6, that of 200 draws within 0.25 of it (one sigma).
-    assert 5.2 < np.mean(squared) < 6.8
 
 
 def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_maker):
@@ -214,23 +182,6 @@ def test_unknown_keyframes_are_named(team_maker):
 
 class TestLegacyCycle:
     """DiSCo-SLAM's cycle, kept to reproduce its results."""
-
-    def test_it_is_zero_only_for_transforms_that_are_their_own_inverse(self, team_maker):
-        team = team_maker(10)
-        there_and_back = [team.closure(("alpha", i), ("beta", i)) for i in range(0, 60, 10)]
-        line = se3.from_yaw(0.0, np.arange(60.0)[:, None] * [1.0, 0.0, 0.0])
-        opposite = se3.from_yaw(np.pi, line[:, :3, 3])
-        stamps = np.arange(60, dtype=np.int64)
-        odometry = {"alpha": Trajectory("alpha", stamps, line), "beta": Trajectory("beta", stamps, opposite)}
-        closures = [
-            replace(c, T_query_match=se3.between(line[i * 10], opposite[i * 10])) for i, c in enumerate(there_and_back)
-        ]
-        first, second = np.triu_indices(6, 1)
-        (z,), _ = closure_sets(closures, odometry, EXACT)
-        assert np.abs(cycle_error(z, odometry, first, second, legacy=True)).max() < 1e-5
-        (z,), _ = closure_sets(there_and_back, team.odometry, EXACT)
-        assert np.linalg.norm(cycle_error(z, team.odometry, first, second, legacy=True), axis=1).min() > 1.0
-        assert np.abs(cycle_error(z, team.odometry, first, second)).max() < 1e-5
 
     def test_presets_of_disco_slam_accept_what_the_chi_square_test_does_not(self, team_maker):
         team, rng = team_maker(11), np.random.default_rng(11)
