@@ -33,7 +33,7 @@ def draw_plan(scenario: Scenario, path: Path) -> None:
     figure = new_figure(_WIDTH_IN, _WIDTH_IN * float(np.clip((high - low)[1] / (high - low)[0], 0.3, 1.5)))
     axes = figure.subplots()
     for outlines, colour in ((slight, "#8cbf8c"), (solid, "#777777")):
-        axes.add_collection(PolyCollection(outlines, facecolor=colour, edgecolor=colour, lw=0.6))
+        axes.add_collection(PolyCollection(list(outlines), facecolor=colour, edgecolor=colour, lw=0.6))
     for number, (robot, xy_m) in enumerate(zip(scenario.robots, paths, strict=True)):
         axes.plot(*xy_m.T, color=robot_colour(number), lw=1.8, label=robot)
         axes.plot(*xy_m[0], "o", color=robot_colour(number), ms=5)
@@ -57,4 +57,4 @@ def _outlines(mesh: Mesh, scene: Scene) -> FloatArray:
     """`(T, 3, 2)` triangles that begin below eye level, from above: no roofs, no ceilings."""
     height_m = mesh.vertices[:, 2] - scene.ground.height(mesh.vertices[:, :2].astype(float))
     corners = mesh.vertices[mesh.triangles]
-    return corners[height_m[mesh.triangles].min(axis=1) < _EYE_LEVEL_M][..., :2].astype(float)
+    return np.asarray(corners[height_m[mesh.triangles].min(axis=1) < _EYE_LEVEL_M][..., :2], float)
