@@ -17,6 +17,12 @@ from wiclosure.frontends.config import ScanContextSettings
 from wiclosure.types import Float32Array, FloatArray, IntArray
 
 _MIN_SHARED_COLUMNS = 0.25
+_POINTS_AT_ONCE = 1 << 14  # what the fast caches hold
+
+# arctan(t) / (2 pi t) as a polynomial in t^2, fitted where t = sqrt(u) lies in [0, 1].
+_U = (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 200))) + 1e-9
+_ARCTAN = np.polynomial.Polynomial.fit(_U, np.arctan(np.sqrt(_U)) / (2 * np.pi * np.sqrt(_U)), 6).convert().coef
+_ARCTAN = _ARCTAN.astype(np.float32)
 
 # Pairs are compared in rectangles of so many keyframes: large enough for matrix products, small enough for caches.
 _QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 250
@@ -27,21 +33,48 @@ def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -
 
     Heights are counted from `height_offset_m` below the sensor, and what lies deeper is left out.
     """
+    image = np.zeros(settings.rings * settings.sectors, np.float32)
+    used_points = np.zeros(image.size)
+    for start in range(0, len(points), _POINTS_AT_ONCE):
+        bins, height = _bins(points[start : start + _POINTS_AT_ONCE], settings)
+        np.maximum.at(image, bins, height)
+        if settings.min_points_per_bin > 1:
+            used_points += np.bincount(bins, weights=height > 0, minlength=image.size)
+    if settings.min_points_per_bin > 1:
+        image[used_points < settings.min_points_per_bin] = 0.0
+    return image.reshape(settings.rings, settings.sectors)
+
+
+def _bins(points: FloatArray | Float32Array, settings: ScanContextSettings) -> tuple[IntArray, Float32Array]:
+    """Bin and height of each point; points that do not count have height 0, which is quicker than leaving them out."""
     x, y, z = np.array(points.T, np.float32, order="C")  # one coordinate after the other: twice as fast below
     distance = np.sqrt(x * x + y * y)
-    height = z + np.float32(settings.height_offset_m)
-    used = (distance < settings.max_range_m) & (height > 0)
-    ring = (distance[used] * np.float32(settings.rings / settings.max_range_m)).astype(np.intp)
-    # Azimuths in (-pi, pi]: the floor of a negative share wraps around to the last sectors.
-    share = np.arctan2(y[used], x[used]) * np.float32(settings.sectors / (2 * np.pi))
-    sector = np.floor(share).astype(np.intp) % settings.sectors
-    # Rounding may push a point just inside the range onto the ring beyond the last.
-    bins = np.minimum(ring, settings.rings - 1) * settings.sectors + sector
-    image = np.zeros(settings.rings * settings.sectors, np.float32)
-    np.maximum.at(image, bins, height[used])
-    if settings.min_points_per_bin > 1:
-        image[np.bincount(bins, minlength=image.size) < settings.min_points_per_bin] = 0.0
-    return image.reshape(settings.rings, settings.sectors)
+    height = np.maximum(z + np.float32(settings.height_offset_m), 0) * (distance < settings.max_range_m)
+    ring = (distance * np.float32(settings.rings / settings.max_range_m)).astype(np.int32)
+    sector = (_turns(x, y) * np.float32(settings.sectors)).astype(np.int32)
+    # Points out of range, and those that rounding pushed just beyond a limit, go to the last bin.
+    np.minimum(ring, settings.rings - 1, out=ring)
+    np.minimum(sector, settings.sectors - 1, out=sector)
+    return (ring * settings.sectors + sector).astype(np.int64), height
+
+
+def _turns(x: Float32Array, y: Float32Array) -> Float32Array:
+    """Azimuths as shares of a full turn, [0, 1], within 3e-7: arctan2 would take half of the descriptor's time.
+
+    The polynomial is the least-squares fit to the arctangent on [0, 1]; other octants are mirrored into this one.
+    """
+    across, along = np.abs(x), np.abs(y)
+    ratio = np.minimum(across, along) / np.maximum(np.maximum(across, along), np.float32(1e-12))
+    square = ratio * ratio
+    turns = np.full_like(ratio, _ARCTAN[-1])
+    for coefficient in _ARCTAN[-2::-1]:
+        turns *= square
+        turns += coefficient
+    turns *= ratio
+    # |c - t| is c - t where c > 0, and t where c = 0: np.where stumbles over random conditions.
+    turns = np.abs(np.float32(0.25) * (along > across) - turns)
+    turns = np.abs(np.float32(0.5) * (x < 0) - turns)
+    return np.abs((y < 0) - turns)
 
 
 def ring_keys(descriptors: Float32Array, kind: Literal["mean-height", "occupied-share"]) -> Float32Array:
