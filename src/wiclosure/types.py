@@ -455,6 +455,7 @@ class Evidence:
         prior_chi2: squared Mahalanobis distance of the registration from the filter's prediction.
         inliers: number of matched points after registration, level ground left out.
         inlier_ratio: share of the points that matched, mean over both clouds, level ground left out.
+        agreement: share of the points that matched among those that matched or that the other sensor looked through.
         rms_m: root mean square of the distances of matched points.
         consistent_with: how many other closures of the robot pair agree (PCM degree).
     """
@@ -465,6 +466,7 @@ class Evidence:
     prior_chi2: float = float("nan")
     inliers: int = 0
     inlier_ratio: float = float("nan")
+    agreement: float = float("nan")
     rms_m: float = float("nan")
     consistent_with: int = 0
 
