@@ -26,7 +26,9 @@ class Measurement:
         covariance: `(6, 6)`, right perturbation, `[rotation, translation]`.
         inliers: points of structure of either cloud that lie on the other.
         inlier_ratio: mean over both clouds of the share of structure that lies on the other.
-        rms_m: root mean square of their distances.
+        agreement: share of the points that match among those that match or that the other sensor looked through; of the
+            cloud that has the smaller one.
+        rms_m: root mean square of the distances of matched points.
         fitness_m2: mean squared distance of the match's points from the query's.
     """
 
@@ -34,6 +36,7 @@ class Measurement:
     covariance: FloatArray
     inliers: int
     inlier_ratio: float
+    agreement: float
     rms_m: float
     fitness_m2: float
 
@@ -43,22 +46,38 @@ def evaluate(
 ) -> Measurement:
     """How well two clouds agree under a pose: points of structure count as matched within one voxel."""
     T_match_query = se3.inverse(T_query_match)
-    gaps = (
-        query.levels[-1].distances(se3.transform(T_query_match, match.structure)),
-        match.levels[-1].distances(se3.transform(T_match_query, query.structure)),
+    seen = (
+        _structure_seen(query, se3.transform(T_query_match, match.structure)),
+        _structure_seen(match, se3.transform(T_match_query, query.structure)),
     )
-    matched = [gap[gap < query.voxel_m] for gap in gaps]
-    near = np.concatenate(matched)
-    shares = [len(some) / len(all_) for some, all_ in zip(matched, gaps, strict=True) if len(all_)]
+    near = np.concatenate([found.gaps_m for found in seen])
     whole = query.levels[-1].distances(se3.transform(T_query_match, match.levels[-1].points))
     return Measurement(
         T_query_match=T_query_match,
         covariance=covariance,
         inliers=len(near),
-        inlier_ratio=float(np.mean(shares)) if shares else 0.0,
+        inlier_ratio=float(np.mean([found.share for found in seen])),
+        agreement=min(found.agreement for found in seen),
         rms_m=float(np.sqrt(np.square(near).mean())) if len(near) else float("nan"),
         fitness_m2=float(np.square(whole).mean()),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """One cloud's structure in the other: distances of matched points, their share, and share of agreement."""
+
+    gaps_m: FloatArray
+    share: float
+    agreement: float
+
+
+def _structure_seen(by: PreparedCloud, points: FloatArray) -> _Seen:
+    gaps_m = by.levels[-1].distances(points)
+    matched = gaps_m < by.voxel_m
+    count = int(matched.sum())
+    refuted = int(by.sight.past(points[~matched]).sum())
+    return _Seen(gaps_m[matched], count / max(len(points), 1), count / max(count + refuted, 1))
 
 
 def gicp_covariance(result: Any, query: PreparedCloud) -> FloatArray:

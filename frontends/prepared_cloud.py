@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import small_gicp
 
+from wiclosure.frontends.sight import Sight
 from wiclosure.types import Float32Array, FloatArray, KeyframeId
 
 _NEIGHBOURS = 20
@@ -42,11 +43,13 @@ class PreparedCloud:
         levels: coarse to fine.
         structure: `(M, 3)` points of the finest level that are not on level ground or ceiling.  Ground looks like
             ground everywhere: it matches under any shift and would drown what tells places apart.
+        sight: what the sensor saw past.
     """
 
     voxel_m: float
     levels: tuple[Level, ...]
     structure: FloatArray
+    sight: Sight
 
     @classmethod
     def of(cls, cloud: Float32Array, voxel_sizes_m: tuple[float, ...], num_threads: int) -> Self:
@@ -57,7 +60,7 @@ class PreparedCloud:
             for size in voxel_sizes_m
         )
         upright = np.abs(np.asarray(levels[-1].cloud.normals())[:, 2]) < _LEVEL_GROUND
-        return cls(voxel_sizes_m[-1], levels, levels[-1].points[upright])
+        return cls(voxel_sizes_m[-1], levels, levels[-1].points[upright], Sight.of(points, voxel_sizes_m[-1]))
 
 
 class PreparedClouds:
