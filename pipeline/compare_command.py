@@ -1,9 +1,8 @@
-"""Commands that compare filters: compare, demo."""
+"""Commands that compare arms: compare, demo."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +11,7 @@ import typer
 from wiclosure.pipeline.options import Configuration, Data, Quiet, Reading, Result, Working, grouped
 
 if TYPE_CHECKING:
-    from wiclosure.pipeline.comparison import Comparison
-    from wiclosure.pipeline.config import Config
+    from wiclosure.pipeline.comparison import Comparison, Plan
 
 
 @grouped
@@ -23,25 +21,36 @@ def compare(
     filters: Annotated[str, typer.Option("--filters", help="comma-separated names; the first is the base")] = (
         "none,wiclosure"
     ),
+    presets: Annotated[
+        str | None,
+        typer.Option(
+            "--presets", help="comma-separated presets or YAML files, each laid over --config", show_default=False
+        ),
+    ] = None,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, help="so many worlds of a scenario, or draws of the random filter")
+    ] = 1,
     result: Result,
     configuration: Configuration,
     reading: Reading,
     working: Working,
 ) -> None:
-    """Run the same recordings with different filters, over shared odometry, descriptors and registrations (A/B).
+    """Run the same recordings with different filters and presets, over shared odometry and registrations (A/B).
 
     For example:
 
       wiclosure compare dataset.yaml
 
+      wiclosure compare scenario:shell-space --config small-site --presets strong,disco-park --seeds 5
+
       wiclosure compare dataset.yaml --filters none,wiclosure,range-gate,oracle,random
     """
+    from wiclosure.pipeline.comparison_plan import make_plan
     from wiclosure.pipeline.result_folder import result_folder
 
-    names = [name.strip() for name in filters.split(",") if name.strip()]
-    config = configuration.resolved()
+    plan = make_plan(data, filters, presets, seeds, configuration=configuration, reading=reading)
     with result_folder(result, data) as (folder, scratch):
-        compared = _compared(data, scratch, filters=names, config=config, reading=reading, working=working)
+        compared = run_plan(plan, scratch, working)
     _show(compared, folder, working)
 
 
@@ -52,7 +61,7 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""
-    from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.comparison_plan import make_plan
     from wiclosure.pipeline.result_folder import result_folder
     from wiclosure.pipeline.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
@@ -63,46 +72,32 @@ def demo(
         (scratch / "data").mkdir()
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
-        compared = _compared(
-            [str(dataset)],
-            scratch,
-            filters=["none", "wiclosure"],
-            config=resolve("small-site", None, seed=seed),
-            reading=Reading(),
-            working=working,
-        )
+        settings = Configuration(config="small-site", seed=seed)
+        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=Reading())
+        compared = run_plan(plan, scratch, working)
     _show(compared, folder, working)
 
 
-def _compared(
-    data: Sequence[str],
-    folder: Path,
-    *,
-    filters: Sequence[str],
-    config: Config,
-    reading: Reading,
-    working: Working,
-) -> Comparison:
-    """Runs every filter over the data and writes all into `folder`."""
-    from wiclosure.pipeline import comparison, illustrations
-    from wiclosure.pipeline import run as running
+def run_plan(plan: Plan, folder: Path, working: Working) -> Comparison:
+    """Runs every arm and writes all into `folder`."""
+    from wiclosure.pipeline import comparison, comparison_pictures, comparison_tables
 
-    inputs = reading.inputs(data)
-    chosen = comparison.filters_named(filters, inputs, config)
-    prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-    compared = comparison.compare(prepared, chosen, progress=working.progress)
-    comparison.write_comparison(folder, compared)
-    illustrations.illustrate_comparison(folder, compared)
+    compared = comparison.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
+    comparison_tables.write_tables(folder, compared)
+    comparison_pictures.draw_errors(folder / "ate.png", compared)
+    comparison_pictures.draw_funnel(folder / "funnel.png", compared)
     return compared
 
 
 def _show(compared: Comparison, folder: Path, working: Working) -> None:
     from rich.console import Console
 
-    from wiclosure.pipeline import tables
+    from wiclosure.pipeline import comparison_tables
 
     if working.as_json:
-        typer.echo(json.dumps(compared.metrics, indent=2))
+        typer.echo(json.dumps(comparison_tables.comparison_json(compared), indent=2))
     elif not working.quiet:
-        Console().print(tables.comparison_table(compared.metrics))
-        Console().print(f"merged maps and pictures in {folder}")
+        Console().print(comparison_tables.comparison_table(compared))
+        for remark in compared.plan.remarks:
+            Console().print(remark)
+        Console().print(f"merged maps, tables and pictures in {folder}")

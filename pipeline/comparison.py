@@ -1,67 +1,190 @@
-"""A/B: the same recordings with different filters, over shared odometry, descriptors and registrations."""
+"""Arms of a comparison, presets x filters x seeds, run one after the other over shared stages.
+
+Odometry and descriptors are shared by presets with equal front ends, registrations by arms with equal registration;
+what an arm leaves behind is written at once, and only its figures stay in memory.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wiclosure.errors import ConfigError
-from wiclosure.interfaces import CandidateFilter
+from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.inputs import Inputs
 from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.progress import Progress
-from wiclosure.pipeline.run import Prepared, RunResult, candidate_filter, run
-from wiclosure.pipeline.run_folder import write_json, write_run
-from wiclosure.pipeline.tables import comparison_markdown
+from wiclosure.pipeline.run import Prepared, candidate_filter, prepare, run
+from wiclosure.pipeline.run_folder import write_run
+from wiclosure.pipeline.solve import Registered
+from wiclosure.simulation.names import lookup
+from wiclosure.wiclosure_filter.registry import FILTERS
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
-    """The runs of all arms, by filter, the first being the base."""
+class World:
+    """Recordings that all arms run over.
 
-    arms: dict[str, RunResult]
+    Args:
+        seed: what tells it from other worlds.
+        inputs: opens them.
+        draws: seeds of the random filter, which runs once with each.
+    """
+
+    seed: int
+    inputs: Callable[[], Inputs]
+    draws: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is to be compared.
+
+    Args:
+        configs: configuration by the name of its preset.
+        filters: names, the first being the base that the others are compared with.
+        worlds: where they run.
+        remarks: sentences for the user.
+    """
+
+    configs: Mapping[str, Config]
+    filters: tuple[str, ...]
+    worlds: tuple[World, ...]
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.filters:
+            raise ConfigError("there is nothing to compare; name filters, for example --filters none,wiclosure")
+        for name in self.filters:
+            lookup("candidate filter", name, FILTERS)
+        require_each_once("filter", self.filters)
+
+    def folder(self, seed: int, preset: str) -> Path:
+        """Where the arms of one seed and preset lie, below the result folder."""
+        several_seeds = len({draw for world in self.worlds for draw in world.draws}) > 1
+        levels = [f"seed-{seed}"] if several_seeds else []
+        return Path(*levels, *([preset] if len(self.configs) > 1 else []))
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What stays of an arm's run over one world.
+
+    Args:
+        seed: of the world, or of the random filter where only that changes.
+        preset: name.
+        filter: name.
+        folder: of the run, below the result folder.
+        metrics: its figures.
+    """
+
+    seed: int
+    preset: str
+    filter: str
+    folder: Path
+    metrics: Metrics
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All outcomes, in the order of presets, filters, seeds."""
+
+    plan: Plan
+    outcomes: tuple[Outcome, ...]
 
     @property
-    def metrics(self) -> dict[str, Metrics]:
-        """Figures of each arm."""
-        return {name: result.metrics for name, result in self.arms.items()}
+    def arms(self) -> dict[tuple[str, str], tuple[Outcome, ...]]:
+        """Outcomes by preset and filter."""
+        names = [(preset, name) for preset in self.plan.configs for name in self.plan.filters]
+        return {arm: tuple(o for o in self.outcomes if (o.preset, o.filter) == arm) for arm in names}
+
+    def base(self, preset: str) -> tuple[Outcome, ...]:
+        """Outcomes of the arm that the others of the preset are compared with."""
+        return self.arms[preset, self.plan.filters[0]]
 
 
-def filters_named(filters: Sequence[str], inputs: Inputs, config: Config) -> list[CandidateFilter]:
-    """The filters to compare.
+def compare(plan: Plan, folder: Path, *, cache: StageCache, jobs: int, progress: Progress) -> Comparison:
+    """Runs every arm, and writes each one's run folder and pictures below `folder`.
+
+    Memory is that of the process so far, so that it only says something of the first arm; the others have none.
 
     Raises:
-        ConfigError: no filter, one named twice, or an unknown one.
+        ConfigError: an arm that cannot run on these recordings.
     """
-    if not filters:
-        raise ConfigError("there is nothing to compare; name filters, for example --filters none,wiclosure")
-    twice = {name for name in filters if list(filters).count(name) > 1}
+    outcomes: list[Outcome] = []
+    for world in plan.worlds:
+        outcomes += _compare_in(world, plan, folder, cache=cache, jobs=jobs, progress=progress)
+    for outcome in outcomes[1:]:
+        outcome.metrics["peak_rss_mb"] = None
+    presets = list(plan.configs)
+    outcomes.sort(key=lambda o: (presets.index(o.preset), plan.filters.index(o.filter), o.seed))
+    return Comparison(plan, tuple(outcomes))
+
+
+def _compare_in(
+    world: World, plan: Plan, folder: Path, *, cache: StageCache, jobs: int, progress: Progress
+) -> Iterator[Outcome]:
+    inputs = world.inputs()
+    for config in plan.configs.values():
+        for name in plan.filters:
+            candidate_filter(name, inputs, config)  # whatever cannot run fails before the work
+    for configs in _with_equal_front_ends(plan.configs):
+        shared = prepare(inputs, next(iter(configs.values())), cache=cache, jobs=jobs, progress=progress)
+        known: dict[object, dict[object, Registered]] = {}
+        for preset, config in configs.items():
+            prepared = replace(shared, config=config, known=known.setdefault(config.registration, {}))
+            yield from _compare_filters(prepared, preset, world, plan, folder, progress)
+            shared = replace(shared, shared=True)
+
+
+def _compare_filters(
+    prepared: Prepared, preset: str, world: World, plan: Plan, folder: Path, progress: Progress
+) -> Iterator[Outcome]:
+    """All filters with one preset; `random` last, since it keeps as many pairs as `wiclosure` did."""
+    sketches: dict[str, Sketch] = {}
+    keep_rate = prepared.config.filter.random.keep_rate
+    for name in sorted(plan.filters, key=lambda name: name == "random"):
+        for seed in world.draws if name == "random" else (world.seed,):
+            own = replace(prepared, config=_with_random(prepared.config, keep_rate, seed))
+            result = run(own, candidate_filter(name, own.inputs, own.config), progress=progress)
+            where = plan.folder(seed, preset) / name
+            (folder / where).mkdir(parents=True)
+            write_run(folder / where, result)
+            illustrate_run(folder / where, result)
+            sketches.setdefault(name, Sketch.of(result))
+            prepared = replace(prepared, shared=True)
+            if name == "wiclosure" and result.metrics["pairs_total"]:
+                keep_rate = result.metrics["pairs_kept"] / result.metrics["pairs_total"]
+            yield Outcome(seed, preset, name, where, result.metrics)
+    illustrate_arms(folder / plan.folder(world.seed, preset), {name: sketches[name] for name in plan.filters})
+
+
+def _with_random(config: Config, keep_rate: float, seed: int) -> Config:
+    random = config.filter.random.model_copy(update={"keep_rate": keep_rate, "seed": seed})
+    return config.model_copy(update={"filter": config.filter.model_copy(update={"random": random})})
+
+
+def _with_equal_front_ends(configs: Mapping[str, Config]) -> list[dict[str, Config]]:
+    """Presets that can share odometry, keyframes and descriptors, together."""
+    groups: dict[object, dict[str, Config]] = {}
+    for preset, config in configs.items():
+        key = (config.odometry, config.keyframes, config.scan_context, config.drift)
+        groups.setdefault(key, {})[preset] = config
+    return list(groups.values())
+
+
+def require_each_once(what: str, names: Sequence[str]) -> None:
+    """Fails where a name occurs twice.
+
+    Raises:
+        ConfigError: it does.
+    """
+    twice = sorted({name for name in names if list(names).count(name) > 1})
     if twice:
-        raise ConfigError(f"filter {', '.join(sorted(twice))} is named twice; name each once")
-    return [candidate_filter(name, inputs, config) for name in filters]
-
-
-def compare(prepared: Prepared, filters: Sequence[CandidateFilter], *, progress: Progress) -> Comparison:
-    """Runs every filter.
-
-    Stage times are what each arm costs alone: a registration that two arms need is done once and charged to both.
-    Memory is that of the process so far, so that it only says something of the first arm; the others have none.
-    """
-    arms = {chosen.name: run(prepared, chosen, progress=progress) for chosen in filters}
-    for result in list(arms.values())[1:]:
-        result.metrics["peak_rss_mb"] = None
-    return Comparison(arms)
-
-
-def write_comparison(folder: Path, comparison: Comparison) -> None:
-    """One run folder an arm, and `comparison.json` and `comparison.md` beside them."""
-    for name, result in comparison.arms.items():
-        (folder / name).mkdir()
-        write_run(folder / name, result)
-    write_json(folder / "comparison.json", comparison.metrics)
-    (folder / "comparison.md").write_text(comparison_markdown(comparison.metrics), encoding="utf-8")
+        raise ConfigError(f"{what} {', '.join(twice)} is named twice; name each once")

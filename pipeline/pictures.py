@@ -15,7 +15,6 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.merged_map import ROBOT_COLOURS
 from wiclosure.errors import OutputError
-from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.trajectory_error import matched, rigid_alignment, truth_at
 from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
 
@@ -57,7 +56,7 @@ def draw_trajectories(
     Raises:
         OutputError: the picture cannot be written.
     """
-    figure = _figure(11.0, 5.2)
+    figure = new_figure(11.0, 5.2)
     before, after = figure.subplots(1, 2)
     connected = set(components[0])
     accepted = [c for c in closures if c.decision is Decision.ACCEPTED and c.query.robot in connected]
@@ -65,7 +64,7 @@ def draw_trajectories(
     for axes, trajectories in ((before, odometry), (after, merged)):
         for robot, trajectory in trajectories.items():
             if axes is before or robot in connected:
-                _draw_path(axes, trajectory, _colour(list(odometry).index(robot)))
+                _draw_path(axes, trajectory, robot_colour(list(odometry).index(robot)))
     ends = [[keyframes[k.robot].positions[k.index, :2] for k in (c.query, c.match)] for c in accepted]
     _draw_closures(after, np.array(ends).reshape(-1, 2, 2))
     before.set_title("before: each robot in its own frame")
@@ -75,7 +74,7 @@ def draw_trajectories(
         note = f"not connected: {', '.join(outside)}"
         after.text(0.02, 0.02, note, transform=after.transAxes, color=INK, va="bottom")
     _legend(figure, (before, after))
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_candidates(
@@ -108,7 +107,7 @@ def draw_candidates(
     first = next(iter(arms.values()))
     a, b = first.robot_a, first.robot_b
     near = _near(keyframes[a], keyframes[b], truth, radius_m, gap_s)
-    figure = _figure(0.6 + 4.4 * len(arms), 4.9)
+    figure = new_figure(0.6 + 4.4 * len(arms), 4.9)
     for axes, (title, pairs) in zip(
         np.atleast_1d(figure.subplots(1, len(arms), sharey=True)), arms.items(), strict=True
     ):
@@ -130,50 +129,7 @@ def draw_candidates(
     handles.append(Line2D([], [], color=CLOSURE, marker="x", linestyle="", label="accepted closure"))
     columns = 4 if len(arms) > 1 else 2  # what fits the width
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
-    _save(figure, path)
-
-
-def draw_arms(path: Path, arms: Mapping[str, Metrics]) -> None:
-    """A comparison: error of the merged trajectories, and how many candidates are left after each stage, by filter.
-
-    Raises:
-        OutputError: the picture cannot be written.
-    """
-    figure = _figure(11.0, 1.6 + 0.55 * max(len(arms), 4))
-    errors, funnel = figure.subplots(1, 2, width_ratios=(1, 1.4))
-    names = list(arms)
-    values = [arms[name]["ate_m"]["team"] for name in names]
-    rows = np.arange(len(names))
-    errors.barh(rows, [v or 0.0 for v in values], color=[_colour(n) for n in range(len(names))], height=0.6)
-    for row, value in zip(rows, values, strict=True):
-        text = "not all connected" if value is None else f"{value:.2f} m"
-        errors.text(value or 0.0, row, f" {text}", va="center", color=INK)
-    errors.set_yticks(rows, names)
-    errors.invert_yaxis()
-    errors.margins(x=0.25)
-    errors.set_xlabel("team ATE, m")
-    errors.set_title("error of the merged trajectories")
-    stages = ("all pairs", "kept", "proposed", "verified", "accepted")
-    width = 0.8 / len(arms)
-    for n, (name, metrics) in enumerate(arms.items()):
-        closures = metrics["closures"]
-        counts = [
-            metrics["pairs_total"],
-            metrics["pairs_kept"],
-            closures["proposed"],
-            closures["verified"],
-            closures["accepted"],
-        ]
-        place = np.arange(len(stages)) + (n - (len(arms) - 1) / 2) * width
-        funnel.bar(place, np.maximum(counts, 0.8), width * 0.92, color=_colour(n), label=name)
-        for x, count in zip(place, counts, strict=True):
-            funnel.text(x, max(count, 0.8), _short(count), ha="center", va="bottom", fontsize=7, color=INK)
-    funnel.set_yscale("log")
-    funnel.set_ylim(0.8, 4 * max(m["pairs_total"] for m in arms.values()) + 1)
-    funnel.set_xticks(np.arange(len(stages)), stages)
-    funnel.set_title("what is left after each stage")
-    funnel.legend(frameon=False, loc="upper right")
-    _save(figure, path)
+    save(figure, path)
 
 
 # ------------------------------------------------------------------------------------------------------- trajectories
@@ -253,25 +209,25 @@ def _accepted_cells(closures: Sequence[Closure], robot_a: str, robot_b: str) -> 
 
 
 # -------------------------------------------------------------------------------------------------------------- common
-def _colour(number: int) -> str:
+def robot_colour(number: int) -> str:
+    """Colour of the robot of that number, as in the map."""
     red, green, blue = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def _short(count: int) -> str:
-    for limit, unit in ((1_000_000, "M"), (1_000, "k")):
-        if count >= limit:
-            return f"{count / limit:.3g}{unit}"
-    return str(count)
-
-
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
     try:

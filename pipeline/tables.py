@@ -1,10 +1,9 @@
-"""Figures as tables: for the terminal (rich) and as Markdown."""
+"""Figures of one run, filter or recording as tables for the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Literal
 
 from rich.markup import escape
 from rich.table import Table
@@ -14,7 +13,6 @@ from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult
 
 UNKNOWN = "-"
-Better = Literal["low", "high", None]
 
 
 def run_table(metrics: Metrics) -> Table:
@@ -49,26 +47,6 @@ def trajectory_table(metrics: TrajectoryMetrics) -> Table:
     return table
 
 
-def comparison_table(arms: Mapping[str, Metrics]) -> Table:
-    """All arms side by side, the best of each row in bold."""
-    table = Table(title="comparison", title_justify="left", title_style="bold")
-    table.add_column("", style="dim")
-    for name in arms:
-        table.add_column(name, justify="right")
-    for label, cells, best in _comparison_rows(arms):
-        table.add_row(label, *(f"[bold]{cell}[/bold]" if n in best else cell for n, cell in enumerate(cells)))
-    return table
-
-
-def comparison_markdown(arms: Mapping[str, Metrics]) -> str:
-    """The same as a Markdown table."""
-    lines = ["| | " + " | ".join(arms) + " |", "|---|" + "---:|" * len(arms)]
-    for label, cells, best in _comparison_rows(arms):
-        shown = (f"**{cell}**" if n in best else cell for n, cell in enumerate(cells))
-        lines.append(f"| {label} | " + " | ".join(shown) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def filter_table(result: FilterResult) -> Table:
     """What a candidate filter kept, and how the radio places the robots."""
     table = _two_columns(f"filter: {result.filter_name}")
@@ -98,49 +76,6 @@ def recording_table(found: RecordingInfo) -> Table:
             table.add_row("", escape(_cloud(topic.first_cloud)))
     _add_remarks(table, found.notes)
     return table
-
-
-# ---------------------------------------------------------------------------------------------------------- comparing
-def _comparison_rows(arms: Mapping[str, Metrics]) -> list[tuple[str, list[str], set[int]]]:
-    """Label, one cell an arm, and which of the cells are best (none where all are)."""
-    rows: list[tuple[str, Callable[[Metrics], float | None], str, Better]] = [
-        ("pairs kept", lambda m: m["pairs_kept"], "{:,.0f}", None),
-        ("  pruned", lambda m: m["candidates"]["pruned"], "{:.1%}", None),
-        ("  precision, overlapping", lambda m: m["candidates"]["precision"], "{:.1%}", "high"),
-        ("  recall, overlapping", lambda m: m["candidates"]["recall"], "{:.1%}", "high"),
-        ("  recall, registrable", lambda m: m["candidates_registrable"]["recall"], "{:.1%}", "high"),
-        ("closures proposed", lambda m: m["closures"]["proposed"], "{:.0f}", None),
-        ("  verified", lambda m: m["closures"]["verified"], "{:.0f}", None),
-        ("  accepted", lambda m: m["closures"]["accepted"], "{:.0f}", None),
-        ("  accepted and false", lambda m: m["closures"]["accepted_false"], "{:.0f}", "low"),
-        ("team ATE, m", lambda m: m["ate_m"]["team"], "{:.3f}", "low"),
-        ("exchanged, MB", lambda m: _megabytes(m["bytes_exchanged"]), "{:.2f}", "low"),
-        ("seconds: filter", lambda m: m["seconds"].get("filter"), "{:.2f}", None),
-        ("  matching", lambda m: m["seconds"].get("matching"), "{:.2f}", "low"),
-        ("  verification", lambda m: m["seconds"].get("verification"), "{:.2f}", "low"),
-        ("  optimisation", lambda m: m["seconds"].get("optimisation"), "{:.2f}", "low"),
-        ("  total, odometry included", lambda m: m["seconds"].get("total"), "{:.2f}", "low"),
-    ]
-    found = []
-    for label, value_of, form, better in rows:
-        values = [value_of(metrics) for metrics in arms.values()]
-        cells = [UNKNOWN if value is None else form.format(value) for value in values]
-        found.append((label, cells, _best(values, cells, better)))
-    return found
-
-
-def _best(values: Sequence[float | None], cells: Sequence[str], better: Better) -> set[int]:
-    """Arms with the best value, as far as the digits shown tell; empty if there is no best or all share it."""
-    known = [value for value in values if value is not None]
-    if better is None or not known:
-        return set()
-    best = cells[values.index(min(known) if better == "low" else max(known))]
-    chosen = {n for n, cell in enumerate(cells) if cell == best}
-    return chosen if len(chosen) < len(cells) else set()
-
-
-def _megabytes(count: int | None) -> float | None:
-    return None if count is None else count / 1e6
 
 
 # -------------------------------------------------------------------------------------------------------------- parts

@@ -137,12 +137,30 @@ def test_compare_shares_odometry(wiclosure: Call) -> None:
     assert code == 0
     assert "none" in out
     assert "random" in out
-    figures = json.loads(Path("ab/comparison.json").read_text())
-    assert list(figures) == ["none", "random"]
-    assert figures["none"]["seconds"]["odometry"] == figures["random"]["seconds"]["odometry"]
-    assert {"comparison.md", "comparison.png", "candidates_alpha_beta.png", "none", "random"} <= {
-        p.name for p in Path("ab").iterdir()
-    }
+    runs = json.loads(Path("ab/comparison.json").read_text())["runs"]
+    assert [run["filter"] for run in runs] == ["none", "random"]
+    base, other = (run["metrics"] for run in runs)
+    assert base["seconds"]["odometry"] == other["seconds"]["odometry"] == base["seconds_spent"]["odometry"]
+    assert other["seconds_spent"]["odometry"] == 0
+    pictures = {"trajectories.png", "ate.png", "funnel.png", "candidates_alpha_beta.png"}
+    assert {"comparison.md", "comparison.csv", "none", "random", *pictures} <= {p.name for p in Path("ab").iterdir()}
+
+
+def test_compare_says_that_recordings_are_one_world(wiclosure: Call) -> None:
+    write_kitti_folder("alpha", SCANS)
+    write_kitti_folder("beta", SCANS)
+    words = ["compare", "alpha", "beta", "--filters", "none,random", "--seeds", "2"]
+    code, out, _ = wiclosure(*words, "--out", "ab")
+    assert code == 0
+    assert "recordings are one world" in " ".join(out.split())
+    runs = [
+        (run["preset"], run["filter"], run["seed"])
+        for run in json.loads(Path("ab/comparison.json").read_text())["runs"]
+    ]
+    assert runs == [("default", "none", 0), ("default", "random", 0), ("default", "random", 1)]
+    assert {str(p.parent.relative_to("ab")) for p in Path("ab").rglob("metrics.json")} == {
+        "seed-0/none", "seed-0/random", "seed-1/random"
+    }  # fmt: skip
 
 
 def test_eval_reads_a_run_again(wiclosure: Call) -> None:
@@ -189,7 +207,13 @@ def test_help_of_every_command(wiclosure: Call) -> None:
         (["run", "alpha", "--out", "alpha"], ["alpha, which is read"]),
         (["compare", "alpha", "--filters", ""], ["--filters"]),
         (["compare", "alpha", "--filters", "none,none"], ["named twice"]),
-        (["compare", "alpha", "--filters", "none,magic"], ["magic"]),
+        (["compare", "alpha", "--filters", "none,wiclosur"], ["wiclosur", "did you mean wiclosure"]),
+        (["compare", "alpha", "--presets", "stronk"], ["stronk", "did you mean strong"]),
+        (["compare", "alpha", "--presets", "strong,strong"], ["strong is named twice"]),
+        (["compare", "alpha", "--seeds", "0"], ["--seeds", "1"]),
+        (["compare", "scenario:shelspace"], ["did you mean shell-space"]),
+        (["compare", "scenario:city", "--seed", "3"], ["--seed", "scenario:city,seed=3"]),
+        (["compare", "scenario:city", "alpha"], ["stands alone"]),
         (["info", "missing.bag"], ["missing.bag"]),
         (["eval", "alpha"], ["metrics.json", "wiclosure run"]),
         (["split", "alpha", "--robots", "1", "--out", "parts"], ["--robots"]),

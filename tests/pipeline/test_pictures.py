@@ -8,7 +8,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.errors import OutputError
 from wiclosure.pipeline import pictures
-from wiclosure.pipeline.pictures import draw_arms, draw_candidates, draw_trajectories
+from wiclosure.pipeline.pictures import draw_candidates, draw_trajectories
 from wiclosure.types import CandidatePairs, Closure, Decision, Evidence, KeyframeId, Trajectory
 
 
@@ -88,16 +88,6 @@ def test_candidates_without_ground_truth_are_drawn(tmp_path):
     pairs = CandidatePairs.without_prediction("alpha", "beta", np.zeros(0, np.int64), np.zeros(0, np.int64))
     draw_candidates(tmp_path / "c.png", {"none": pairs}, keyframes=TEAM, closures={}, truth={}, radius_m=10.0)
     assert share_of(pixels(tmp_path / "c.png")[:-60], "#0072b2") == 0.0
-
-
-def test_arms_are_drawn_with_and_without_a_team_error(tmp_path):
-    closures = {"proposed": 5, "verified": 3, "accepted": 0}
-    arms = {
-        name: {"ate_m": {"team": ate}, "pairs_total": 1000, "pairs_kept": 10, "closures": closures}
-        for name, ate in (("none", None), ("wiclosure", 1.0))
-    }
-    draw_arms(tmp_path / "arms.png", arms)
-    assert share_of(pixels(tmp_path / "arms.png"), "#e69f00") > 0.01
 
 
 def test_a_missing_folder_is_named(tmp_path):

@@ -3,13 +3,10 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import pytest
 from rich.console import Console
 
 from wiclosure.pipeline.sources.info import CloudInfo, FieldInfo, RecordingInfo, TopicInfo
 from wiclosure.pipeline.tables import (
-    comparison_markdown,
-    comparison_table,
     recording_table,
     run_table,
     trajectory_table,
@@ -74,27 +71,6 @@ def test_a_run_without_ground_truth_shows_that_errors_are_unknown():
     assert "team ATE" in text
     assert "by ground truth" not in text
     assert "None" not in text + shown(trajectory_table(metrics))
-
-
-@pytest.mark.parametrize("render", [lambda arms: shown(comparison_table(arms)), comparison_markdown])
-def test_arms_stand_side_by_side(render):
-    text = render(
-        {"none": metrics_of("none", ate=1.5, kept=6400), "wiclosure": metrics_of("wiclosure", ate=0.375, kept=640)}
-    )
-    row = next(line for line in text.splitlines() if "team ATE" in line)
-    assert row.index("1.500") < row.index("0.375")
-    assert "6,400" in text
-
-
-def test_the_best_is_bold_only_where_arms_differ():
-    arms = {
-        "a": metrics_of("a", ate=1.5, kept=9),
-        "b": metrics_of("b", ate=0.375, kept=9),
-        "c": metrics_of("c", ate=None, kept=9),
-    }
-    lines = comparison_markdown(arms).splitlines()
-    assert next(line for line in lines if "team ATE" in line) == "| team ATE, m | 1.500 | **0.375** | - |"
-    assert "**" not in next(line for line in lines if "matching" in line)
 
 
 def test_a_recording_shows_topics_and_the_first_cloud():

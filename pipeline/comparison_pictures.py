@@ -1,0 +1,255 @@
+"""Pictures of a comparison: merged trajectories side by side, errors of all arms and seeds, and the candidate funnel.
+
+Colours are Okabe and Ito's; what colour says is also said by marker, line or place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wiclosure.pipeline.funnel import STAGES
+from wiclosure.pipeline.pictures import FAINT, INK, new_figure, robot_colour, save
+from wiclosure.types import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from wiclosure.pipeline.comparison import Comparison, Outcome
+
+TRUE, FALSE = "#0072b2", "#d55e00"
+FILTER_STYLES = {
+    "none": ("#555555", "o"),
+    "wiclosure": ("#0072b2", "s"),
+    "range-gate": ("#e69f00", "^"),
+    "oracle": ("#009e73", "D"),
+    "random": ("#cc79a7", "v"),
+}
+PANELS_IN_A_ROW = 3
+ZERO = 0.5
+"""Where nothing is drawn on a logarithmic axis that counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class MergedView:
+    """The connected robots of one arm from above, laid over ground truth by one alignment where there is some.
+
+    Args:
+        paths: `(N, 2)` m, estimate by robot; those not connected are missing.
+        truth: `(N, 2)` m, ground truth by robot.
+        closures: `(K, 2, 2)` m, both ends of each accepted closure.
+        false: `(K,)` which of them ground truth refutes.
+        colours: number of each robot among all, for its colour.
+        apart: robots that are not connected.
+        ate_m: of the team, or None.
+    """
+
+    paths: Mapping[str, FloatArray]
+    truth: Mapping[str, FloatArray]
+    closures: FloatArray
+    false: np.ndarray
+    colours: Mapping[str, int]
+    apart: tuple[str, ...]
+    ate_m: float | None
+
+
+def draw_merged(path: Path, views: Mapping[str, MergedView]) -> None:
+    """One panel an arm, the base first: what the paper's figures 7 and 9 show.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    columns = min(len(views), PANELS_IN_A_ROW)
+    rows = -(-len(views) // columns)
+    figure = new_figure(5.2 * columns, 4.9 * rows + 0.5)
+    panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for axes, (title, view) in zip(panels, views.items(), strict=False):
+        _draw_view(axes, title, view)
+    for axes in panels[len(views) :]:
+        axes.remove()
+    _legend(figure)
+    save(figure, path)
+
+
+def draw_errors(path: Path, comparison: Comparison) -> None:
+    """Team ATE of every arm, one point a seed, on a logarithmic axis.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    arms = comparison.arms
+    figure = new_figure(8.5, 1.5 + 0.3 * len(arms))
+    axes = figure.subplots()
+    _draw_odometry(axes, comparison.outcomes)
+    for row, ((_, name), outcomes) in enumerate(arms.items()):
+        colour, marker = FILTER_STYLES[name]
+        errors = np.array([o.metrics["ate_m"]["team"] or np.nan for o in outcomes])
+        places = row + _spread_out(len(errors))
+        axes.plot(errors, places, marker, color=colour, markersize=5, markeredgewidth=0, clip_on=False)
+        if len(errors) > 1 and np.isfinite(errors).all():
+            axes.plot([np.median(errors)] * 2, [row - 0.36, row + 0.36], color=colour, linewidth=2.2)
+        if lost := int(np.isnan(errors).sum()):
+            text = "not connected" if lost == len(errors) == 1 else f"{lost} of {len(errors)} not connected"
+            axes.text(1.01, row, text, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=INK)
+    _scale_errors(axes)
+    _label_arms(axes, list(arms))
+    axes.set_xlabel("team ATE, m (one point a seed, line: median)")
+    axes.grid(visible=True, axis="x", color="#ececec", linewidth=0.6)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower center", frameon=False, fontsize=8)
+    axes.set_axisbelow(True)
+    save(figure, path)
+
+
+def draw_funnel(path: Path, comparison: Comparison) -> None:
+    """Candidates that are left after each stage, one panel an arm: median over the seeds, and from least to most.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    presets, filters = list(comparison.plan.configs), comparison.plan.filters
+    figure = new_figure(0.8 + 2.4 * max(len(filters), 2), 1.5 + 1.9 * len(presets))
+    grid = np.array(figure.subplots(len(presets), len(filters), sharex=True, sharey=True, squeeze=False))
+    for (preset, name), outcomes in comparison.arms.items():
+        axes = grid[presets.index(preset), filters.index(name)]
+        _draw_stages(axes, outcomes)
+        axes.set_title(f"{name}: {_in_graph(outcomes)}", fontsize=9)
+    for axes, preset in zip(grid[:, 0], presets, strict=True):
+        axes.set_ylabel(preset if len(presets) > 1 else "candidates", fontsize=9)
+    for axes in grid[-1]:
+        axes.set_xticks(range(len(STAGES)), STAGES, rotation=40, ha="right", fontsize=8)
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    save(figure, path)
+
+
+# -------------------------------------------------------------------------------------------------------- trajectories
+def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
+    from matplotlib.collections import LineCollection
+
+    for robot, place in view.truth.items():
+        axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=1.5)
+        assert robot in view.colours
+    for robot, place in view.paths.items():
+        axes.plot(*place.T, color=robot_colour(view.colours[robot]), linewidth=1.8, label=robot, zorder=2)
+        axes.plot(*place[:1].T, "o", color=robot_colour(view.colours[robot]), markeredgecolor="white", zorder=3)
+    for chosen, style, colour, label in (
+        (~view.false, "-", INK, "accepted closure"),
+        (view.false, "-", FALSE, "accepted and false"),
+    ):
+        ends = view.closures[chosen]
+        if len(ends):
+            width = 0.8 if label == "accepted closure" else 1.4
+            axes.add_collection(LineCollection(list(ends), colors=colour, linestyles=style, linewidths=width, zorder=4))
+            marker = "." if label == "accepted closure" else "x"
+            axes.plot(*ends.mean(axis=1).T, marker, color=colour, markersize=5, linestyle="", label=label, zorder=5)
+    error = "" if view.ate_m is None else f", ATE {view.ate_m:.3g} m"
+    false = f", {view.false.sum()} false" if view.false.any() else ""
+    axes.set_title(f"{title}: {len(view.closures)} closures{false}{error}", fontsize=11)
+    if view.apart:
+        note = f"not connected: {', '.join(view.apart)}"
+        axes.text(0.02, 0.02, note, transform=axes.transAxes, color=INK, va="bottom")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _legend(figure: Figure) -> None:
+    """One entry for each label that any panel has; colours of closures do not depend on the panel."""
+    found: dict[str, Artist] = {}
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    columns = min(len(found), 6)
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns, frameon=False)
+
+
+# -------------------------------------------------------------------------------------------------------------- errors
+def _spread_out(count: int) -> FloatArray:
+    """Places around 0 for the points of one row."""
+    return np.linspace(-0.22, 0.22, count) if count > 1 else np.zeros(1)
+
+
+def _draw_odometry(axes: Axes, outcomes: Sequence[Outcome]) -> None:
+    """What drift alone leaves, as a band over the seeds."""
+    alone = [e for e in (o.metrics["ate_odometry_m"]["team"] for o in outcomes) if e]
+    if alone:
+        label = "odometry alone, each robot aligned on its own"
+        axes.axvspan(min(alone) * 0.98, max(alone) * 1.02, color="#dddddd", linewidth=0, label=label)
+
+
+def _scale_errors(axes: Axes) -> None:
+    """A logarithmic axis of one decade at least, with plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    grow = max(1.2, np.sqrt(10 * low / high))
+    axes.set_xlim(low / grow, high * grow)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 1000 else (1.0,)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _label_arms(axes: Axes, arms: Sequence[tuple[str, str]]) -> None:
+    """Filters beside their rows; presets, where there are several, before them, with a line between."""
+    axes.set_yticks(range(len(arms)), [name for _, name in arms], fontsize=9)
+    axes.set_ylim(len(arms) - 0.4, -0.6)
+    presets = list(dict.fromkeys(preset for preset, _ in arms))
+    if len(presets) == 1:
+        return
+    for preset in presets:
+        rows = [row for row, (own, _) in enumerate(arms) if own == preset]
+        axes.text(
+            -0.14, float(np.mean(rows)), preset, transform=axes.get_yaxis_transform(), fontsize=9, color=INK,
+            fontweight="bold", va="center", ha="right",
+        )  # fmt: skip
+        if rows[0]:
+            axes.axhline(rows[0] - 0.5, xmin=-0.14, color=FAINT, linewidth=0.6, clip_on=False)
+
+
+# -------------------------------------------------------------------------------------------------------------- funnel
+def _draw_stages(axes: Axes, outcomes: Sequence[Outcome]) -> None:
+    counts = [[(s["true"], s["false"], s["count"]) for s in o.metrics["funnel"]] for o in outcomes]
+    known = all(None not in (true, false) for run in counts for true, false, _ in run)
+    numbers = np.array([[[n or 0 for n in stage] for stage in run] for run in counts], float)
+    lines = [(0, TRUE, "o", "-", "true"), (1, FALSE, "x", "--", "false")] if known else [(2, INK, "o", "-", "all")]
+    for column, colour, marker, style, label in lines:
+        shown = np.maximum(numbers[:, :, column], ZERO)
+        stages = np.arange(shown.shape[1])
+        axes.fill_between(stages, shown.min(axis=0), shown.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+        middle = np.median(shown, axis=0)
+        axes.plot(
+            stages, middle, color=colour, marker=marker, linestyle=style, linewidth=1.4, markersize=4.5, label=label
+        )
+    axes.axvline(2.5, color="#cccccc", linewidth=0.8)
+    axes.set_yscale("log")
+    top = int(np.ceil(np.log10(max(numbers.max(), 10))))
+    ticks = 10.0 ** np.arange(0, top + 1, 2 if top > 4 else 1)
+    axes.set_yticks([ZERO, *ticks], ["0", *(_short(int(n)) for n in ticks)], fontsize=8)
+    axes.minorticks_off()
+    axes.set_ylim(ZERO * 0.8, None)
+    axes.grid(visible=True, axis="y", color="#ececec", linewidth=0.6)
+
+
+def _in_graph(outcomes: Sequence[Outcome]) -> str:
+    last = [o.metrics["funnel"][-1] for o in outcomes]
+    true, false = [s["true"] for s in last], [s["false"] for s in last]
+    if None in true or None in false:
+        return f"{np.median([s['count'] for s in last]):g} accepted"
+    return f"{np.median(np.array(true, float)):g} true, {np.median(np.array(false, float)):g} false"
+
+
+def _short(count: int) -> str:
+    for limit, unit in ((1_000_000, "M"), (1_000, "k")):
+        if count >= limit:
+            return f"{count / limit:.3g}{unit}"
+    return str(count)
