@@ -13,7 +13,7 @@ import typer
 
 from wiclosure import __version__
 from wiclosure.errors import WiclosureError
-from wiclosure.pipeline import commands, compare_command, data_commands, simulate_command
+from wiclosure.pipeline import commands, compare_command, data_commands, reproduce_command, simulate_command
 
 app = typer.Typer(
     name="wiclosure",
@@ -29,6 +29,7 @@ INTERRUPTED = 130
 
 app.command("run")(commands.run)
 app.command("compare")(compare_command.compare)
+app.command("reproduce")(reproduce_command.reproduce)
 app.command("demo")(compare_command.demo)
 app.command("filter")(commands.filter_)
 app.command("simulate")(simulate_command.simulate)

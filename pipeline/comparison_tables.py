@@ -56,7 +56,7 @@ def write_tables(folder: Path, comparison: Comparison) -> None:
         writer.writeheader()
         writer.writerows(rows)
     write_json(folder / "comparison.json", comparison_json(comparison))
-    (folder / "comparison.md").write_text(comparison_markdown(comparison), encoding="utf-8")
+    (folder / "comparison.md").write_text(comparisonmarkdown(comparison), encoding="utf-8")
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
@@ -72,16 +72,16 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def comparison_markdown(comparison: Comparison) -> str:
+def comparisonmarkdown(comparison: Comparison) -> str:
     """Arms with medians and spread, arms against the base, and seconds a stage."""
     parts = [
         f"# Comparison\n\nBase arm: {comparison.plan.filters[0]}. Median over the seeds, [smallest, largest].",
         *comparison.plan.remarks,
-        _markdown(*_arms(summaries(comparison))),
+        markdown(*_arms(summaries(comparison))),
         "## Against the base arm, seed by seed",
-        _markdown(*_against(summaries(comparison))),
+        markdown(*_against(summaries(comparison))),
         "## Seconds a stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
-        _markdown(*_stages(summaries(comparison))),
+        markdown(*_stages(summaries(comparison))),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -115,8 +115,8 @@ def _arms(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -> t
     header = ["arm", "runs", *(FIGURES[key].label for key in keys), "saving, %"]
     rows = []
     for arm in arms:
-        figures = [_spread(arm.figures.get(key), FIGURES[key].form) for key in keys]
-        rows.append([_name(arm, arms), str(arm.runs), *figures, _spread(arm.saving_percent, "{:.3g}")])
+        figures = [spread_text(arm.figures.get(key), FIGURES[key].form) for key in keys]
+        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.3g}")])
     return header, rows
 
 
@@ -142,7 +142,8 @@ def _name(arm: ArmSummary, arms: Sequence[ArmSummary]) -> str:
     return arm.filter if len({a.preset for a in arms}) == 1 else f"{arm.preset} {arm.filter}"
 
 
-def _spread(found: Spread | None, form: str) -> str:
+def spread_text(found: Spread | None, form: str) -> str:
+    """Median, and smallest and largest where they differ."""
     if found is None:
         return UNKNOWN
     if found.smallest == found.largest:
@@ -160,7 +161,8 @@ def _number(value: float, form: str) -> str:
     return form.format(value) if math.isfinite(value) else FAILED
 
 
-def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table with its first column to the left and the others to the right."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
