@@ -88,11 +88,30 @@ class RegistrationSettings(Settings):
         description="share of structure (ground left out) that must match; wrong poses reach 0.26 on streets",
     )
     min_inlier_ratio_with_prediction: float = Field(
-        0.35,
+        0.25,
         ge=0,
         le=1,
         description="the same where the result agrees with the filter's prediction; true pairs 16 m"
-        " apart on a street have 0.36 or more",
+        " apart on a street have 0.34 or more",
+    )
+    min_agreement: float = Field(
+        0.94,
+        ge=0,
+        le=1,
+        description="matched points among those matched or looked through; true pairs 10 m apart have 0.95 or more on"
+        " streets and 0.98 in rooms, wrong poses reach 0.93 between equal pillars",
+    )
+    min_agreement_with_prediction: float = Field(
+        0.9, ge=0, le=1, description="the same where the result agrees with the filter's prediction"
+    )
+    ambiguity: float = Field(
+        0.75, gt=0, le=1, description="refused where another pose reaches this share of the best one's score"
+    )
+    prediction_scale: float = Field(
+        2.0,
+        ge=1,
+        description="predictions' standard deviations count so many times: walls err for all measurements alike, which"
+        " their covariance does not know",
     )
     min_inliers: int = Field(100, ge=6, description="matched points of structure; with fewer, a share says little")
     prior_probability: float = Field(

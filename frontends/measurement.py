@@ -11,9 +11,14 @@ from wiclosure import se3
 from wiclosure.frontends.prepared_cloud import PreparedCloud
 from wiclosure.types import FloatArray
 
-# Checked on a recorded street against odometry: NEES a degree of freedom 0.2 for scans 4 m apart, 1.2 for 10 m.
 _POINTS_SHARING_AN_ERROR = 30.0
+
+# What all points of a cloud share, whatever their number: voxels, and above all the sway during a sweep, which constant
+# motion does not undo.  Checked on simulated truth by benchmarks/front_end.py.
 _FLOOR_VOXELS = 0.1  # 5 cm on a street
+_FLOOR_M, _FLOOR_RAD = 0.02, 0.01
+
+_REFUTATION_WEIGHT = 20.0
 _LEAST_INFORMATION = 1e-3  # keeps directions that nothing constrains finite
 
 
@@ -39,6 +44,15 @@ class Measurement:
     agreement: float
     rms_m: float
     fitness_m2: float
+
+    @property
+    def score(self) -> float:
+        """What decides between poses of the same clouds: a point looked through weighs twenty times a matched one.
+
+        Between equal pillars a wrong pose may match more points than the true one, where what would contradict it is
+        hidden or out of range.
+        """
+        return float(self.inlier_ratio * self.agreement**_REFUTATION_WEIGHT)
 
 
 def evaluate(
@@ -91,6 +105,6 @@ def gicp_covariance(result: Any, query: PreparedCloud) -> FloatArray:
     residual_variance = max(1.0, 2.0 * result.error / max(result.num_inliers, 1))
     spread_m = max(1.0, float(np.sqrt(np.square(query.levels[-1].points).sum(axis=1).mean())))
     shared_m = _FLOOR_VOXELS * query.voxel_m
-    floor = np.diag(np.square(np.repeat([shared_m / spread_m, shared_m], 3)))
+    floor = np.diag(np.repeat([(shared_m / spread_m) ** 2 + _FLOOR_RAD**2, shared_m**2 + _FLOOR_M**2], 3))
     information = result.H + _LEAST_INFORMATION * np.eye(6)
     return np.asarray(_POINTS_SHARING_AN_ERROR * residual_variance * np.linalg.inv(information) + floor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Closure, Decision, Float32Array, FloatArray, Prior
+
+_ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
 
 
 class Registration:
@@ -41,6 +44,8 @@ class Registration:
             cloud_match: `(M, 3)` keyframe cloud in the match's.
             prior: predicted `T_query_match (4, 4)` and its covariance `(6, 6)`, where the filter predicts.
         """
+        if prior is not None:
+            prior = prior[0], self._settings.prediction_scale**2 * prior[1]
         query, match = self._prepare(closure, cloud_query, cloud_match)
         standing = min(len(query.structure), len(match.structure))
         # Also a guard: small_gicp crashes on empty clouds.
@@ -51,9 +56,11 @@ class Registration:
         chi2 = np.array([_chi2(m, prior) for m in measured])
         # NaN without a prediction: comparing with it is false, so nothing contradicts.
         contradicts = chi2 > self.chi2_limit
-        fit = np.array([m.inlier_ratio for m in measured])
-        best = int(np.lexsort((fit, ~contradicts))[-1])
-        return self._judge(closure, measured[best], prior, float(chi2[best]))
+        score = np.array([m.score for m in measured])
+        best = int(np.lexsort((score, ~contradicts))[-1])
+        judged = self._judge(closure, measured[best], prior, float(chi2[best]))
+        rivals = [m for m, against in zip(measured, contradicts, strict=True) if not against]
+        return self._unless_ambiguous(judged, measured[best], rivals, query.voxel_m)
 
     @property
     def chi2_limit(self) -> float:
@@ -104,6 +111,26 @@ class Registration:
             decision=Decision.VERIFIED,
             reason=f"{measured.inlier_ratio:.2f} of the structure matches within {measured.rms_m:.2f} m rms{agreement}",
         )
+
+    def _unless_ambiguous(
+        self, judged: Closure, best: Measurement, rivals: Sequence[Measurement], voxel_m: float
+    ) -> Closure:
+        """Rejected where another pose fits nearly as well: in repetitive surroundings the better of two is chance."""
+        for other in rivals:
+            gap = se3.between(best.T_query_match, other.T_query_match)
+            metres, radians = float(np.linalg.norm(gap[:3, 3])), float(se3.rotation_angle(gap))
+            elsewhere = metres > _ELSEWHERE_VOXELS * voxel_m or radians > _ELSEWHERE_RAD
+            if (
+                judged.decision is Decision.VERIFIED
+                and elsewhere
+                and other.score > self._settings.ambiguity * best.score
+            ):
+                return _rejected(
+                    judged,
+                    f"ambiguous: a pose {metres:.1f} m and {np.degrees(radians):.0f} degrees away fits nearly as well,"
+                    f" {other.inlier_ratio:.2f} of the structure with agreement {other.agreement:.2f}",
+                )
+        return judged
 
 
 def _rejected(closure: Closure, reason: str) -> Closure:

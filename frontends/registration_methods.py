@@ -71,12 +71,15 @@ class CoarseToFineGicp:
         return measured
 
     def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
-        """Too few matching points of structure, or too small a share of it."""
+        """Too few matching points of structure, too small a share of it, or too many that the other looked through."""
         needed = settings.min_inlier_ratio_with_prediction if predicted else settings.min_inlier_ratio
         if measurement.inliers < settings.min_inliers:
             return f"only {measurement.inliers} points of structure match, {settings.min_inliers} needed"
         if measurement.inlier_ratio < needed:
             return f"only {measurement.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
+        needed = settings.min_agreement_with_prediction if predicted else settings.min_agreement
+        if measurement.agreement < needed:
+            return f"looked through what the other saw: agreement {measurement.agreement:.2f}, {needed:.2f} needed"
         return ""
 
     def _align(
