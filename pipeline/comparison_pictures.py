@@ -32,7 +32,7 @@ FILTER_STYLES = {
     "random": ("#cc79a7", "v"),
 }
 PANELS_IN_A_ROW = 3
-ZERO = 0.5
+ZERO = 0.25
 """Where nothing is drawn on a logarithmic axis that counts."""
 
 
@@ -209,11 +209,11 @@ def _label_arms(axes: Axes, arms: Sequence[tuple[str, str]]) -> None:
     for preset in presets:
         rows = [row for row, (own, _) in enumerate(arms) if own == preset]
         axes.text(
-            -0.14, float(np.mean(rows)), preset, transform=axes.get_yaxis_transform(), fontsize=9, color=INK,
+            -0.17, float(np.mean(rows)), preset, transform=axes.get_yaxis_transform(), fontsize=9, color=INK,
             fontweight="bold", va="center", ha="right",
         )  # fmt: skip
         if rows[0]:
-            axes.axhline(rows[0] - 0.5, xmin=-0.14, color=FAINT, linewidth=0.6, clip_on=False)
+            axes.axhline(rows[0] - 0.5, xmin=-0.17, color=FAINT, linewidth=0.6, clip_on=False)
 
 
 # -------------------------------------------------------------------------------------------------------------- funnel

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from wiclosure.pipeline.comparison import Comparison, Outcome
@@ -89,9 +90,10 @@ def comparisonmarkdown(comparison: Comparison) -> str:
 def comparison_table(comparison: Comparison) -> Table:
     """What matters most of each arm, for the terminal: medians and spread."""
     header, rows = _arms(summaries(comparison), ON_TERMINAL)
-    table = Table(title="comparison", title_justify="left", title_style="bold")
-    for n, title in enumerate(header):
-        table.add_column(title, justify="left" if n == 0 else "right", style="bold" if n == 0 else None)
+    table = Table(title="comparison", title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(header[0], style="bold", no_wrap=True)
+    for title in header[1:]:
+        table.add_column(title, justify="right", min_width=9 if title == FIGURES["ate_m"].label else None)
     for row in rows:
         table.add_row(*row)
     return table

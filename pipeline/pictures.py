@@ -107,7 +107,7 @@ def draw_candidates(
     first = next(iter(arms.values()))
     a, b = first.robot_a, first.robot_b
     near = _near(keyframes[a], keyframes[b], truth, radius_m, gap_s)
-    figure = new_figure(0.6 + 4.4 * len(arms), 4.9)
+    figure = new_figure(0.6 + (4.4 if len(arms) <= 3 else 3.4) * len(arms), 4.9)
     for axes, (title, pairs) in zip(
         np.atleast_1d(figure.subplots(1, len(arms), sharey=True)), arms.items(), strict=True
     ):
@@ -116,7 +116,7 @@ def draw_candidates(
         axes.imshow(_matrix_colours(near, kept), origin="lower", aspect="auto", interpolation="antialiased")
         marks = _accepted_cells(closures.get(title, ()), a, b)
         axes.scatter(marks[:, 1], marks[:, 0], s=26, marker="x", color=CLOSURE, linewidths=1.3)
-        axes.set_title(f"{title}: {len(pairs):,} of {kept.size:,} pairs")
+        axes.set_title(f"{title}: {len(pairs):,} of {kept.size:,} pairs", fontsize=12 if len(arms) <= 3 else 9.5)
         axes.set_xlabel(f"keyframe of {b}")
         axes.tick_params(length=2)
     figure.axes[0].set_ylabel(f"keyframe of {a}")

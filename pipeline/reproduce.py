@@ -73,7 +73,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "shell-space": Experiment(
         title="Table II: hardware experiment in a shell space",
         scenario="shell-space",
-        site="small-site",
+        site="shell-space",
         presets=("disco-park", "strong"),
         paper=(
             ("ATE (m)", "17.6", "1.9"),
