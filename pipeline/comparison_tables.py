@@ -57,7 +57,7 @@ def write_tables(folder: Path, comparison: Comparison) -> None:
         writer.writeheader()
         writer.writerows(rows)
     write_json(folder / "comparison.json", comparison_json(comparison))
-    (folder / "comparison.md").write_text(comparisonmarkdown(comparison), encoding="utf-8")
+    (folder / "comparison.md").write_text(comparison_markdown(comparison), encoding="utf-8")
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def comparisonmarkdown(comparison: Comparison) -> str:
+def comparison_markdown(comparison: Comparison) -> str:
     """Arms with medians and spread, arms against the base, and seconds a stage."""
     parts = [
         f"# Comparison\n\nBase arm: {comparison.plan.filters[0]}. Median over the seeds, [smallest, largest].",
