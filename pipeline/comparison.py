@@ -120,8 +120,6 @@ def compare(plan: Plan, folder: Path, *, cache: StageCache, jobs: int, progress:
     outcomes: list[Outcome] = []
     for world in plan.worlds:
         outcomes += _compare_in(world, plan, folder, cache=cache, jobs=jobs, progress=progress)
-    for outcome in outcomes[1:]:
-        outcome.metrics["peak_rss_mb"] = None
     presets = list(plan.configs)
     outcomes.sort(key=lambda o: (presets.index(o.preset), plan.filters.index(o.filter), o.seed))
     return Comparison(plan, tuple(outcomes))
@@ -153,6 +151,8 @@ def _compare_filters(
         for seed in world.draws if name == "random" else (world.seed,):
             own = replace(prepared, config=_with_random(prepared.config, keep_rate, seed))
             result = run(own, candidate_filter(name, own.inputs, own.config), progress=progress)
+            if sketches or world is not plan.worlds[0] or preset != next(iter(plan.configs)):
+                result.metrics["peak_rss_mb"] = None
             where = plan.folder(seed, preset) / name
             (folder / where).mkdir(parents=True)
             write_run(folder / where, result)

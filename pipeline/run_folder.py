@@ -49,8 +49,9 @@ def read_metrics(folder: Path) -> Metrics:
     """
     path = folder / "metrics.json"
     if not path.exists() and (folder / "comparison.json").exists():
-        arms = ", ".join(str(arm.parent) for arm in sorted(folder.glob("*/metrics.json")))
-        raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {arms}")
+        arms = [str(arm.parent) for arm in sorted(folder.rglob("metrics.json"))]
+        some = ", ".join(arms[:4]) + (" ..." if len(arms) > 4 else "")
+        raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {some}")
     try:
         metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
