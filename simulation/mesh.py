@@ -82,15 +82,24 @@ def cylinder(radius_m: float, height_m: float, sides: int = 10) -> Mesh:
 def tree(rng: np.random.Generator, height_m: float, crown_radius_m: float, leaves: int = 110) -> Mesh:
     """A trunk and a crown of loose leaf clusters, through which some rays pass."""
     trunk = cylinder(0.05 + 0.02 * height_m, 0.6 * height_m, sides=7)
-    direction = rng.normal(size=(leaves, 3))
+    crown = _leaves(rng, np.array([crown_radius_m, crown_radius_m, 0.3 * height_m]), 0.68 * height_m, leaves)
+    return join([trunk, crown])
+
+
+def bush(rng: np.random.Generator, height_m: float, radius_m: float, leaves: int = 24) -> Mesh:
+    """Leaf clusters from the ground up."""
+    return _leaves(rng, np.array([radius_m, radius_m, 0.5 * height_m]), 0.5 * height_m, leaves)
+
+
+def _leaves(rng: np.random.Generator, half_axes_m: FloatArray, centre_m: float, count: int) -> Mesh:
+    """Triangles of any direction all over an ellipsoid whose centre is `centre_m` above the ground."""
+    direction = rng.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     # The cube root fills the ellipsoid evenly; real crowns are denser outside.
-    radius = rng.uniform(0.2, 1.0, size=(leaves, 1)) ** (1 / 3)
-    half_axes = np.array([crown_radius_m, crown_radius_m, 0.3 * height_m])
-    centres = direction * radius * half_axes + [0, 0, 0.68 * height_m]
-    cluster = rng.normal(scale=0.22 * crown_radius_m, size=(leaves, 3, 3)) + centres[:, None, :]
-    crown = _mesh(cluster.reshape(-1, 3), np.arange(3 * leaves))
-    return join([trunk, crown])
+    radius = rng.uniform(0.2, 1.0, size=(count, 1)) ** (1 / 3)
+    centres = direction * radius * half_axes_m + [0, 0, centre_m]
+    cluster = rng.normal(scale=0.22 * half_axes_m[0], size=(count, 3, 3)) + centres[:, None, :]
+    return _mesh(cluster.reshape(-1, 3), np.arange(3 * count))
 
 
 def car(length_m: float = 4.3, width_m: float = 1.75, height_m: float = 1.45) -> Mesh:

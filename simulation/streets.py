@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.simulation.mesh import Mesh, box, car, gable, join, pole, tree
+from wiclosure.simulation.mesh import Mesh, box, bush, car, gable, join, pole, tree
 from wiclosure.simulation.motion import GroundPath
 from wiclosure.simulation.scene import Footprint, SceneBuilder
 from wiclosure.types import FloatArray
@@ -35,25 +35,36 @@ class Lot:
 
 def make_lot(rng: np.random.Generator) -> Lot:
     """A lot of its own: house, extension, hedge, trees, a lamp, a parked car."""
-    size = Footprint(rng.uniform(7.0, 11.5), rng.uniform(6.0, 9.0), rng.uniform(3.0, 7.0))
-    setback = rng.uniform(2.0, 5.5)
+    size = Footprint(rng.uniform(8.5, 13.0), rng.uniform(6.0, 9.0), rng.uniform(3.0, 7.0))
+    setback = rng.uniform(1.5, 5.0)
     place = (rng.uniform(-1.5, 1.5), setback + size.width_m / 2, rng.choice([0.0, rng.uniform(-0.15, 0.15)]))
     lot = Lot(_house(rng, size), size, place)
-    if rng.random() < 0.6:
-        lot.solid.append((box(rng.uniform(4, 12), 0.5, rng.uniform(0.7, 1.6)), rng.uniform(-3, 3), 0.4, 0.0))
-    if rng.random() < 0.55:
+    if rng.random() < 0.8:
+        lot.solid.append((box(rng.uniform(6, 14), 0.5, rng.uniform(0.8, 2.2)), rng.uniform(-3, 3), 0.4, 0.0))
+    if rng.random() < 0.7:
         length, height = rng.uniform(3.8, 5.2), rng.uniform(1.4, 2.0)
         lot.solid.append((car(length, 1.8, height), rng.uniform(-6, 6), -1.6, rng.choice([0.0, np.pi])))
     if rng.random() < 0.5:
         shed = box(rng.uniform(2.5, 4), rng.uniform(2.5, 5), rng.uniform(2.2, 3.0))
         lot.solid.append((shed, rng.choice([-6.3, 6.3]), rng.uniform(4, 9), 0.0))
-    for _ in range(rng.integers(0, 3)):
-        height = rng.uniform(3.0, 9.0)
-        side = rng.choice([-1.0, 1.0])
-        lot.slight.append((tree(rng, height, 0.28 * height, 80), side * rng.uniform(5, 8), rng.uniform(1.5, 12), 0.0))
+    _plants(lot, rng)
     if rng.random() < 0.5:
         lot.slight.append((pole(rng.uniform(4.5, 8), 0.09, 1.0), rng.uniform(-8, 8), -0.3, -np.pi / 2))
     return lot
+
+
+def _plants(lot: Lot, rng: np.random.Generator) -> None:
+    """Trees in front and at the back, bushes all over: in recorded streets half of what stands is green."""
+    for _ in range(rng.integers(1, 4)):
+        height = rng.uniform(4.0, 11.0)
+        side = rng.choice([-1.0, 1.0])
+        lot.slight.append((tree(rng, height, 0.3 * height, 60), side * rng.uniform(4, 8), rng.uniform(1.5, 12), 0.0))
+    for x_m in rng.uniform(-8, 8, rng.integers(2, 5)):
+        height = rng.uniform(5.0, 12.0)
+        lot.slight.append((tree(rng, height, 0.32 * height, 40), x_m, rng.uniform(13, 20), 0.0))
+    for x_m in rng.uniform(-8, 8, rng.integers(4, 10)):
+        height = rng.uniform(0.8, 3.0)
+        lot.slight.append((bush(rng, height, 0.5 * height), x_m, 0.5 * height + rng.uniform(0.3, 9), 0.0))
 
 
 def _house(rng: np.random.Generator, size: Footprint) -> Mesh:

@@ -1,0 +1,218 @@
+"""Is the simulation believable?  KISS-ICP's drift and scan context distances on it, beside those of recorded scans.
+
+    python benchmarks/simulation.py [--scans 1400] [--seed 0] [--picture FILE.png]
+
+Drift is KITTI's figure: the error of displacements over 100 to 800 m, percent of their length; where the drive is too
+short for that, the error at its end over the distance.  Scan context distances are of keyframes of one drive, by how
+far apart they were taken, and of keyframes of different places.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+from kitti import DATA, lidar_poses
+from odometry import PackedScans
+
+from wiclosure import se3
+from wiclosure.frontends.config import FrontEndSettings
+from wiclosure.frontends.front_end import FrontEnd
+from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
+from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
+from wiclosure.types import Float32Array, FloatArray
+
+LENGTHS_M = range(100, 801, 100)
+APART_M = (0, 2, 5, 10, 20, 40, np.inf)
+LOOPS = {"05": (540, 1319), "08": (720, 1500)}
+"""Frames of KITTI of which raw scans are at hand: 8.8 m and 28 degrees apart; 3.2 m, opposite directions."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Odometry `(N, 4, 4)` and truth of every scan, and the descriptors and true positions of the keyframes."""
+
+    odometry: FloatArray
+    truth: FloatArray
+    descriptors: Float32Array
+    positions: FloatArray
+
+    @classmethod
+    def simulated(cls, scenario: Scenario, robot: str, scans: int) -> Drive:
+        """The first scans of that robot."""
+        front_end = FrontEnd(FrontEndSettings(), robot)
+        for scan in islice(scenario.scan_source(robot), scans):
+            front_end.process(scan)
+        front = front_end.result()
+        truth = scenario.ground_truth(robot)
+        return cls(
+            front.odometry.poses,
+            truth.at(front.odometry.stamps_ns),
+            front.descriptors,
+            truth.at(front.keyframes.stamps_ns)[:, :3, 3],
+        )
+
+    @classmethod
+    def recorded(cls, name: str) -> Drive:
+        """One of the packed recordings; its poses come from OXTS or SLAM, so its drift says little."""
+        path = DATA / name / "scans.npz"
+        scans, front_end = PackedScans(path), FrontEnd(FrontEndSettings(), name)
+        for index in range(len(scans)):
+            front_end.process(scans.scan(index))
+        front = front_end.result()
+        truth = np.load(path)["poses"]
+        return cls(front.odometry.poses, truth, front.descriptors, truth[front.keyframe_indices, :3, 3])
+
+
+def drift_percent(truth: FloatArray, odometry: FloatArray) -> tuple[float, str]:
+    """Error of displacements, percent of the way, and over what it was taken."""
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1))])
+    errors: list[FloatArray] = []
+    for length_m in LENGTHS_M:
+        start = np.arange(0, len(truth), 10)
+        end = np.searchsorted(way_m, way_m[start] + length_m)
+        start, end = start[end < len(truth)], end[end < len(truth)]
+        errors.append(_displacement_error(truth, odometry, start, end) / length_m)
+    found = np.concatenate(errors)
+    if len(found):
+        return 100 * float(found.mean()), f"{len(found)} segments of 100-{min(int(way_m[-1]), 800)} m"
+    whole = _displacement_error(truth, odometry, np.array([0]), np.array([len(truth) - 1]))
+    return 100 * float(whole[0] / way_m[-1]), f"end of {way_m[-1]:.0f} m"
+
+
+def _displacement_error(truth: FloatArray, odometry: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    apart = se3.between(se3.between(truth[start], truth[end]), se3.between(odometry[start], odometry[end]))
+    return np.asarray(np.linalg.norm(apart[:, :3, 3], axis=1))
+
+
+def distances_apart(drive: Drive) -> list[FloatArray]:
+    """Scan context distances within one drive, for each range of `APART_M`."""
+    spectra = ColumnSpectra.of(drive.descriptors)
+    i, j = np.triu_indices(len(drive.descriptors), 1)
+    distance, _ = compare(spectra, spectra, i, j)
+    apart_m = np.linalg.norm(drive.positions[i] - drive.positions[j], axis=1)
+    return [distance[(apart_m >= low) & (apart_m < high)] for low, high in pairwise(APART_M)]
+
+
+def distances_between(first: Float32Array, second: Float32Array) -> FloatArray:
+    """Scan context distances between keyframes of two different places."""
+    i, j = np.meshgrid(np.arange(len(first)), np.arange(len(second)), indexing="ij")
+    return compare(ColumnSpectra.of(first), ColumnSpectra.of(second), i.ravel(), j.ravel())[0]
+
+
+def print_drift(name: str, truth: FloatArray, odometry: FloatArray) -> None:
+    percent, over = drift_percent(truth, odometry)
+    print(f"{name:40} {percent:6.2f} %  {over}")
+
+
+def print_distances(name: str, drive: Drive) -> None:
+    cells = [quantiles(d) if len(d) > 20 else "-" for d in distances_apart(drive)]
+    print(f"{name:28}" + "".join(f"{cell:>18}" for cell in cells))
+
+
+def quantiles(distances: FloatArray) -> str:
+    """Median (10-90 %)."""
+    low, middle, high = np.quantile(distances, (0.1, 0.5, 0.9))
+    return f"{middle:.2f} ({low:.2f}-{high:.2f})"
+
+
+def recorded_loops() -> dict[str, Float32Array]:
+    """Descriptors of the two recorded revisits."""
+    settings = FrontEndSettings().scan_context
+    files = {s: [DATA / "kitti_loop_pairs" / s / f"{frame:06d}.bin" for frame in frames] for s, frames in LOOPS.items()}
+    return {
+        sequence: np.stack([describe(np.fromfile(p, np.float32).reshape(-1, 4)[:, :3], settings) for p in paths])
+        for sequence, paths in files.items()
+    }
+
+
+def simulated_loop(scenario: Scenario) -> Float32Array:
+    """Descriptors of the same two frames of 08 as the simulation sees them."""
+    settings, sources = FrontEndSettings().scan_context, [scenario.scan_source(robot) for robot in scenario.robots]
+    found = []
+    for frame in LOOPS["08"]:
+        part, first = next(
+            (source, start)
+            for source, start in zip(sources, (0, 1357, 2714), strict=True)
+            if start <= frame < start + 1357
+        )
+        found.append(describe(part.scan(frame - first).points, settings))
+    return np.stack(found)
+
+
+def draw(drives: dict[str, Drive], path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    labels = [f"{low:g}-{high:g}" if np.isfinite(high) else f"> {low:g}" for low, high in pairwise(APART_M)]
+    for number, (name, drive) in enumerate(drives.items()):
+        found = {k: d for k, d in enumerate(distances_apart(drive)) if len(d) > 20}
+        x = np.array(list(found)) + 0.12 * (number - (len(drives) - 1) / 2)
+        low, mid, high = np.array([np.quantile(d, (0.1, 0.5, 0.9)) for d in found.values()]).T
+        axes.errorbar(x, mid, [mid - low, high - mid], fmt="o", capsize=3, label=name)
+    axes.set_xticks(range(len(labels)), labels)
+    axes.set_xlabel("metres between the two scans")
+    axes.set_ylabel("scan context distance: median, 10-90 %")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scans", type=int, default=1400, help="of each simulated robot, at most")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--picture", type=Path, default=Path("simulation_scan_context.png"))
+    wanted = parser.parse_args()
+    kitti08 = make_scenario(
+        "kitti08", ScenarioSettings(poses=DATA / "kitti_odometry" / "gt" / "08.txt", seed=wanted.seed)
+    )
+    city, shell = (make_scenario(name, ScenarioSettings(seed=wanted.seed)) for name in ("city", "shell-space"))
+    simulated = {
+        "kitti08 alpha (HDL-64)": Drive.simulated(kitti08, "alpha", wanted.scans),
+        "city alpha (OS1-64)": Drive.simulated(city, "alpha", wanted.scans),
+        "city beta (OS1-64)": Drive.simulated(city, "beta", wanted.scans),
+        "shell-space alpha (VLP-16)": Drive.simulated(shell, "alpha", wanted.scans),
+        "shell-space beta (VLP-16)": Drive.simulated(shell, "beta", wanted.scans),
+    }
+    recorded = {
+        "KITTI drive 0926_0005 (HDL-64)": Drive.recorded("kitti_raw_0926_0005"),
+        "indoor loop (64 beams)": Drive.recorded("indoor_loop"),
+    }
+
+    print("Drift of KISS-ICP")
+    for sequence in ("00", "05", "08"):
+        print_drift(f"recorded KITTI {sequence}", lidar_poses("gt", sequence), lidar_poses("kiss_icp", sequence))
+    truth, odometry = lidar_poses("gt", "08"), lidar_poses("kiss_icp", "08")
+    print_drift("recorded KITTI 08, alpha's third", truth[: wanted.scans][:1357], odometry[: wanted.scans][:1357])
+    for name, drive in simulated.items():
+        print_drift(f"simulated {name}", drive.truth, drive.odometry)
+
+    print("\nScan context distance by metres apart: median (10-90 %)")
+    print(" " * 28 + "".join(f"{f'{low:g} to {high:g}':>18}" for low, high in pairwise(APART_M)))
+    for name, drive in (recorded | simulated).items():
+        print_distances(name[:27], drive)
+
+    loops, own = recorded_loops(), simulated_loop(kitti08)
+    print("\nRevisits")
+    print(f"recorded 05, 8.8 m, 28 degrees    {distances_between(*np.split(loops['05'], 2))[0]:.2f}")
+    print(f"recorded 08, 3.2 m, reverse       {distances_between(*np.split(loops['08'], 2))[0]:.2f}")
+    print(f"simulated, the same frames of 08  {distances_between(*np.split(own, 2))[0]:.2f}")
+    strangers = distances_between(
+        recorded["KITTI drive 0926_0005 (HDL-64)"].descriptors, np.concatenate(list(loops.values()))
+    )
+    print(f"recorded, different places        {quantiles(strangers)}")
+    chosen = recorded | {"kitti08 alpha (HDL-64)": simulated["kitti08 alpha (HDL-64)"]}
+    draw(
+        {f"{'recorded' if name in recorded else 'simulated'}: {name}": drive for name, drive in chosen.items()},
+        wanted.picture,
+    )
+    print(f"\npicture in {wanted.picture}")
+
+
+if __name__ == "__main__":
+    main()
