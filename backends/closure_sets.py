@@ -42,13 +42,26 @@ class ClosureSet:
     @property
     def name(self) -> str:
         """For the user: `alpha and beta`, or `alpha with itself`."""
-        same = self.robot_a == self.robot_b
-        return f"{self.robot_a} with itself" if same else f"{self.robot_a} and {self.robot_b}"
+        return (
+            " and ".join(sorted((self.robot_a, self.robot_b))) if self.between_robots else f"{self.robot_a} with itself"
+        )
 
     @property
     def between_robots(self) -> bool:
         """False for closures within one robot."""
         return self.robot_a != self.robot_b
+
+    def __add__(self, more: Self) -> Self:
+        """The closures of two sets of one pair of robots."""
+        return type(self)(
+            self.robot_a,
+            self.robot_b,
+            np.concatenate([self.rows, more.rows]),
+            np.concatenate([self.index_a, more.index_a]),
+            np.concatenate([self.index_b, more.index_b]),
+            np.concatenate([self.T_a_b, more.T_a_b]),
+            np.concatenate([self.covariance, more.covariance]),
+        )
 
     def subset(self, kept: IntArray) -> Self:
         """The closures at `kept`, boolean or indices."""
@@ -66,7 +79,10 @@ class ClosureSet:
 def closure_sets(
     closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], noise: ClosureNoise
 ) -> tuple[list[ClosureSet], dict[int, str]]:
-    """Groups the verified and accepted closures by pairs of robots, in the order of the trajectories.
+    """Groups the verified and accepted closures by pairs of robots.
+
+    Which robot comes first depends on how it started and not on its name or place, so that renamed or reordered robots
+    get the same answer to the last digit.
 
     Returns:
         The sets, and the reason for each row whose measurement cannot be used.
@@ -74,7 +90,8 @@ def closure_sets(
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
-    order = {robot: rank for rank, robot in enumerate(trajectories)}
+    robots = sorted(trajectories, key=lambda robot: _first_step(trajectories[robot]))
+    order = {robot: rank for rank, robot in enumerate(robots)}
     rows: dict[tuple[int, int], list[int]] = {}
     unusable: dict[int, str] = {}
     for row, closure in enumerate(closures):
@@ -87,7 +104,6 @@ def closure_sets(
             continue
         a, b = sorted((order[closure.query.robot], order[closure.match.robot]))
         rows.setdefault((a, b), []).append(row)
-    robots = list(trajectories)
     return [_stacked(robots[a], robots[b], rows[a, b], closures, noise) for a, b in sorted(rows)], unusable
 
 
@@ -97,6 +113,13 @@ def decided(closures: Sequence[Closure], decisions: Mapping[int, tuple[Decision,
     for row, (decision, reason) in decisions.items():
         result[row] = replace(result[row], decision=decision, reason=reason)
     return result
+
+
+def _first_step(trajectory: Trajectory) -> list[float]:
+    """Tells robots apart in any odometry frame and at any time, rounded so that rounding errors do not."""
+    second = min(1, len(trajectory) - 1)
+    step = se3.log(se3.between(trajectory.poses[0], trajectory.poses[second]))
+    return [float(number) for number in np.round(step, 9)]
 
 
 def _check_keyframe(key: KeyframeId, trajectories: Mapping[str, Trajectory]) -> None:

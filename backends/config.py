@@ -75,6 +75,20 @@ class PcmSettings(Settings):
         description="m that a set must span on both robots' paths unless a prediction supports it: neighbouring"
         " keyframes of one look-alike place agree with each other whatever the place (guard only)",
     )
+    rival_share: float = Field(
+        0.8,
+        gt=0,
+        le=1,
+        description="a set that contradicts the largest one and is at least this share of it makes the pair ambiguous:"
+        " neither is believed (guard only)",
+    )
+    max_scale: float = Field(
+        1.0,
+        ge=1,
+        le=128,
+        description="how many times too small the stated standard deviations may be: they are doubled, up to so much,"
+        " as long as that makes the consistent sets a tenth larger. 1: taken as stated. `wiclosure optimize` uses 10",
+    )
     time_budget_s: float = Field(
         5.0, gt=0, description="s for each pair of robots; then the largest set found so far is used and reported so"
     )
@@ -106,6 +120,13 @@ class PoseGraphSettings(Settings):
         lt=1,
         description="share of true closures that the graph keeps: chi-square quantile, 6 degrees of freedom, on a"
         " closure's own residual",
+    )
+    anchor: str = Field("", description="robot whose odometry frame is the world; empty: the first of the data set")
+    sigma_scale: float = Field(
+        1.0,
+        gt=0,
+        description="factor on all stated standard deviations, of odometry and closures alike: it moves no pose, but"
+        " the residual at which a closure is rejected, and the marginals",
     )
     noise: ClosureNoise = ClosureNoise()
 

@@ -53,6 +53,8 @@ def odometry_covariances(trajectory: Trajectory, nodes: NDArray[np.int64], held:
     distance between the keyframes `held` by closures on both sides; each such span has the model's covariance.
     """
     first, second = nodes[:-1], nodes[1:]
+    if trajectory.step_covariances is not None:
+        return trajectory.relative_covariance(first, second)
     length = trajectory.distance[second] - trajectory.distance[first]
     bounds = np.unique(np.concatenate([[0], held, [len(trajectory) - 1]]))
     span = np.searchsorted(bounds, first, side="right") - 1
@@ -124,7 +126,8 @@ def solve(graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values) -> gtsam.Val
 
 
 def _ordering(graph: gtsam.NonlinearFactorGraph) -> gtsam.Ordering:
-    joined = {key for factor in map(graph.at, range(graph.size())) if len(factor.keys()) > 1 for key in factor.keys()}
+    keys = (graph.at(n).keys() for n in range(graph.size()))
+    joined = {key for of_factor in keys if len(of_factor) > 1 for key in of_factor}
     if len(joined) >= MANY_POSES and len(joined) == graph.keys().size():  # METIS cannot have a pose without neighbours
         return gtsam.Ordering.MetisNonlinearFactorGraph(graph)
     return gtsam.Ordering.ColamdNonlinearFactorGraph(graph)
@@ -143,13 +146,14 @@ def believed(
     """
     if not doubtful:
         return np.zeros(0, bool), solve(certain, initial)
+    limit = float(chi2.ppf(settings.probability, 6)) * settings.sigma_scale**2
     if settings.robust == "gnc":
-        return _by_graduated_non_convexity(certain, doubtful, initial, settings.probability)
+        return _by_graduated_non_convexity(certain, doubtful, initial, limit)
     if settings.robust == "cauchy":
-        kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH)
+        kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH * settings.sigma_scale)
         robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in doubtful]
         estimate = solve(with_factors(certain, robust), initial)
-        return _chi_squares(doubtful, estimate) < chi2.ppf(settings.probability, 6), estimate
+        return _chi_squares(doubtful, estimate) < limit, estimate
     return np.ones(len(doubtful), bool), solve(with_factors(certain, doubtful), initial)
 
 
@@ -157,7 +161,7 @@ def _by_graduated_non_convexity(
     certain: gtsam.NonlinearFactorGraph,
     doubtful: Sequence[gtsam.NoiseModelFactor],
     initial: gtsam.Values,
-    probability: float,
+    limit: float,
 ) -> tuple[NDArray[np.bool_], gtsam.Values]:
     """Yang et al., "Graduated non-convexity for robust spatial perception", RA-L 2020, truncated least squares.
 
@@ -166,7 +170,6 @@ def _by_graduated_non_convexity(
     `gtsam.GncLMOptimizer` starts every step again from the initial values; on recorded odometry with one false closure
     in seven it ended with every closure switched off.
     """
-    limit = float(chi2.ppf(probability, 6))
     everything = with_factors(certain, doubtful)
     estimate, ordering = solve(everything, initial), _ordering(everything)
     chi_square = _chi_squares(doubtful, estimate)

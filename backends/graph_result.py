@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import gtsam
@@ -12,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.backends.factors import Keys
-from wiclosure.errors import OutputError
-from wiclosure.types import Closure, Decision, FloatArray, IntArray, Trajectory
+from wiclosure.errors import InputError, OutputError
+from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId, Trajectory
 
 G2O_ORDER = np.array([3, 4, 5, 0, 1, 2])  # g2o has translation first
 
@@ -31,6 +32,7 @@ class GraphResult:
         diagnosis: sentences for the user.
         graph: odometry, accepted closures and one anchor for each component.
         values: the estimate in GTSAM's form.
+        sigma_scale: factor on the standard deviations in `graph`.
     """
 
     trajectories: dict[str, Trajectory]
@@ -40,6 +42,7 @@ class GraphResult:
     diagnosis: tuple[str, ...]
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
+    sigma_scale: float = 1.0
 
     @property
     def unconnected(self) -> tuple[str, ...]:
@@ -51,11 +54,33 @@ class GraphResult:
         """The closures in the estimate."""
         return tuple(c for c in self.closures if c.decision is Decision.ACCEPTED)
 
+    @cached_property
+    def _marginals(self) -> gtsam.Marginals:
+        return gtsam.Marginals(self.graph, self.values)
+
     def covariances(self, robot: str, indices: Sequence[int] | IntArray) -> FloatArray:
         """Marginal covariances `(M, 6, 6)` of keyframe poses in the body's frame, given the component's anchor."""
         keys = Keys(tuple(self.trajectories))
-        marginals = gtsam.Marginals(self.graph, self.values)
-        return np.array([marginals.marginalCovariance(keys(robot, int(i))) for i in indices]).reshape(-1, 6, 6)
+        found = [self._marginals.marginalCovariance(keys(robot, int(i))) for i in indices]
+        return self.sigma_scale**2 * np.array(found).reshape(-1, 6, 6)
+
+    def relative_covariance(self, first: KeyframeId, second: KeyframeId) -> FloatArray:
+        """Covariance `(6, 6)` of `T_first_second`, as an error in the second's frame; between robots or within one.
+
+        Raises:
+            InputError: no chain of closures connects the two robots.
+        """
+        if not any({first.robot, second.robot} <= set(component) for component in self.components):
+            raise InputError(f"nothing connects {first.robot} to {second.robot}: their relative pose is unknown")
+        if first == second:
+            return np.zeros((6, 6))
+        keys = Keys(tuple(self.trajectories))
+        one, other = keys(first.robot, first.index), keys(second.robot, second.index)
+        both = self._marginals.jointMarginalCovariance([one, other])
+        joint = np.block([[both.at(a, b) for b in (one, other)] for a in (one, other)])
+        poses = (self.trajectories[key.robot].poses[key.index] for key in (first, second))
+        J = np.hstack([-se3.adjoint(se3.inverse(se3.between(*poses))), np.eye(6)])
+        return np.asarray(self.sigma_scale**2 * J @ joint @ J.T)
 
 
 def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:

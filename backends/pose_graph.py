@@ -49,7 +49,8 @@ def optimise(
     """Merges the robots' keyframe trajectories over their verified or accepted closures.
 
     Args:
-        trajectories: keyframe odometry by robot, with its drift model; the first robot's odometry frame is the world.
+        trajectories: keyframe odometry by robot, with its drift model; the odometry frame of `settings.anchor`, or of
+            the first robot, is the world.
         closures: between robots or within one; those neither verified nor accepted pass through unchanged.
         settings: see `PoseGraphSettings`.
 
@@ -58,10 +59,12 @@ def optimise(
         stay in their own frame.
 
     Raises:
-        InputError: no trajectory; or a closure names a robot or a keyframe that the trajectories do not have.
+        InputError: no trajectory; no robot is called `settings.anchor`; or a closure names a robot or a keyframe that
+            the trajectories do not have.
     """
     if not trajectories:
         raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
+    trajectories = _anchored(trajectories, settings.anchor)
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
     found = _estimate(trajectories, sets, settings)
     kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
@@ -78,7 +81,17 @@ def optimise(
         diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
         graph=graph,
         values=_values(found.poses),
+        sigma_scale=settings.sigma_scale,
     )
+
+
+def _anchored(trajectories: Mapping[str, Trajectory], anchor_robot: str) -> Mapping[str, Trajectory]:
+    """With the robot first whose odometry frame is to be the world."""
+    if not anchor_robot:
+        return trajectories
+    if anchor_robot not in trajectories:
+        raise InputError(f"pose_graph.anchor is {anchor_robot!r}; the robots are {', '.join(trajectories)}")
+    return {anchor_robot: trajectories[anchor_robot]} | dict(trajectories)
 
 
 def _estimate(

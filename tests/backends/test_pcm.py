@@ -1,19 +1,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings
-from wiclosure.backends.pcm import (
-    chance_sets,
-    consistency_matrix,
-    pairwise_consistent,
-)
+from wiclosure.backends.consistency import PairGraph
+from wiclosure.backends.judgement import chance_sets
+from wiclosure.backends.pcm import IncrementalPcm, pairwise_consistent
+from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, Decision, Evidence, KeyframeId
 
@@ -47,7 +49,7 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
     matrices = []
     for version in (closures, turned):
         (z,), _ = closure_sets(version, team.odometry, EXACT)
-        matrices.append(consistency_matrix(z, team.odometry, PcmSettings()))
+        matrices.append(PairGraph.of(z, team.odometry, PcmSettings()).consistent(0))
     np.testing.assert_array_equal(*matrices)
 
 
@@ -108,6 +110,68 @@ def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_make
     assert "ambiguous" in result.diagnosis[0]
     assert all(c.decision is Decision.REJECTED for c in result.closures)
     assert pairwise_consistent(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
+
+
+@pytest.mark.parametrize(("shifted", "believed"), [(7, False), (4, True)])
+def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker, shifted, believed):
+    team, rng = team_maker(4), np.random.default_rng(4)
+    mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    false = [
+        replace(
+            c,
+            T_query_match=se3.between(
+                team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
+            ),
+        )
+        for c in random_closures(team, shifted, rng)
+    ]
+    pair = pairwise_consistent(random_closures(team, 8, rng) + false, team.odometry, PcmSettings()).pairs[0]
+    assert (pair.largest, pair.rival, pair.kept, pair.ambiguous) == (8, shifted, 8 * believed, not believed)
+    assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])
+)
+def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, parts, max_scale):
+    team, rng = team_maker(seed, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(seed)
+    closures = random_closures(team, 10, rng, noise=rng)
+    closures += [team.closure(("gamma", int(a)), ("gamma", int(b)), noise=rng) for a, b in rng.integers(0, 60, (3, 2))]
+    for robot in ("beta", "gamma"):
+        ends = rng.integers(0, 60, (6, 2))
+        closures += [team.false_closure(("alpha", int(a)), (robot, int(b)), rng) for a, b in ends]
+    closures = [closures[n] for n in rng.permutation(25)]
+    pcm = IncrementalPcm(PcmSettings(max_scale=max_scale))
+    for first, last in pairwise([0, *sorted(parts), 25]):
+        until = int(max([20, *(k.index for c in closures[:last] for k in (c.query, c.match))])) + 1
+        pcm.add(closures[first:last], {r: t.subset(np.arange(until)) for r, t in team.odometry.items()})
+    step_by_step = pcm.result()
+    at_once = pairwise_consistent(closures, team.odometry, PcmSettings(max_scale=max_scale))
+    assert [(c.decision, c.reason, c.evidence.consistent_with) for c in step_by_step.closures] == [
+        (c.decision, c.reason, c.evidence.consistent_with) for c in at_once.closures
+    ]
+    assert step_by_step.scale == at_once.scale
+
+
+@pytest.mark.parametrize("times", [1.0, 4.0])
+def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_maker, times):
+    team, rng = team_maker(14, noise=1.0), np.random.default_rng(14)
+    closures = random_closures(team, 30, rng, noise=rng)
+    closures += [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (8, 2))]
+    stated = [replace(c, covariance=c.covariance / times**2) for c in closures]
+    small = team.odometry["alpha"].drift.model_dump()
+    drift = DriftModel(**{name: value / times for name, value in small.items()})
+    odometry = {r: replace(t, drift=drift) for r, t in team.odometry.items()}
+    tight = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+    as_stated, fitted = (
+        pairwise_consistent(stated, odometry, PcmSettings(noise=tight, max_scale=scale)) for scale in (1.0, 10.0)
+    )
+    assert fitted.scale == times
+    assert fitted.pairs[0].kept >= 28
+    assert not any(c.decision is Decision.ACCEPTED for c in fitted.closures[30:])
+    assert (as_stated.pairs[0].kept >= 28) == (times == 1.0)
+    assert ("4 times as large" in fitted.diagnosis[0]) == (times == 4.0)
 
 
 def test_a_pair_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):

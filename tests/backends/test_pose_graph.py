@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
-from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
+from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
 from wiclosure.backends.factors import odometry_covariances
 from wiclosure.backends.graph_result import carried, write_g2o
+from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
-from wiclosure.types import Decision, Trajectory
+from wiclosure.types import Decision, KeyframeId, Trajectory
 
 SEEDS = st.integers(0, 2**32 - 1)
 EVERY_WAY = [
@@ -96,6 +97,72 @@ def test_most_closures_may_be_false(team_maker, robust):
     decisions = [c.decision is Decision.ACCEPTED for c in result.closures]
     assert not any(decisions[:40])
     assert sum(decisions[40:]) >= 18
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=SEEDS, order=st.permutations(["alpha", "beta", "gamma", "delta"]))
+def test_renaming_or_reordering_robots_changes_nothing(team_maker, seed, order):
+    team, rng = team_maker(seed, ("alpha", "beta", "gamma", "delta"), noise=1.0), np.random.default_rng(seed)
+    closures = []
+    for a, b in (("alpha", "beta"), ("beta", "gamma"), ("gamma", "delta"), ("alpha", "alpha")):
+        closures += random_closures(team, 8, rng, a, b, noise=rng)
+        closures += [team.false_closure((a, int(i)), (b, int(j)), rng) for i, j in rng.integers(0, 60, (4, 2))]
+    new = dict(zip(team.odometry, order, strict=True))
+    renamed = [
+        replace(c, query=replace(c.query, robot=new[c.query.robot]), match=replace(c.match, robot=new[c.match.robot]))
+        for c in closures
+    ]
+    odometry = {new[r]: replace(team.odometry[r], robot=new[r]) for r in sorted(team.odometry, reverse=True)}
+    one, other = (
+        optimise(trajectories, pairwise_consistent(given_, trajectories, PcmSettings()).closures, way)
+        for trajectories, given_, way in (
+            (team.odometry, closures, PoseGraphSettings()),
+            (odometry, renamed, PoseGraphSettings(anchor=new["alpha"])),
+        )
+    )
+    assert [(c.decision, c.reason) for c in one.closures] == [(c.decision, c.reason) for c in other.closures]
+    for robot in team.odometry:
+        if robot in one.components[0]:
+            poses = other.trajectories[new[robot]].poses
+            np.testing.assert_allclose(one.trajectories[robot].poses, poses, atol=1e-3)
+
+
+def test_the_anchor_can_be_chosen(team_maker):
+    team, rng = team_maker(11, ("alpha", "beta", "gamma")), np.random.default_rng(11)
+    closures = random_closures(team, 6, rng) + random_closures(team, 6, rng, "beta", "gamma")
+    result = optimise(team.odometry, closures, PoseGraphSettings(anchor="gamma"))
+    assert result.components[0][0] == "gamma"
+    np.testing.assert_allclose(result.trajectories["gamma"].poses[0], team.odometry["gamma"].poses[0], atol=1e-6)
+    with pytest.raises(InputError, match="the robots are alpha, beta, gamma"):
+        optimise(team.odometry, closures, PoseGraphSettings(anchor="omega"))
+
+
+def test_sigma_scale_moves_no_pose_but_the_limit_and_the_marginals(team_maker):
+    team, rng = team_maker(12, noise=1.0), np.random.default_rng(12)
+    closures = random_closures(team, 12, rng, noise=rng)
+    off = team.closure(("alpha", 20), ("beta", 20), error=np.array([0, 0, 0, 1.0, 0, 0]))
+    stated, doubled = (
+        optimise(team.odometry, [*closures, off], PoseGraphSettings(sigma_scale=scale)) for scale in (1.0, 4.0)
+    )
+    assert [r.closures[-1].decision for r in (stated, doubled)] == [Decision.REJECTED, Decision.ACCEPTED]
+    one, other = (
+        optimise(team.odometry, closures, PoseGraphSettings(sigma_scale=scale, robust="none")) for scale in (1.0, 4.0)
+    )
+    np.testing.assert_allclose(one.trajectories["beta"].poses, other.trajectories["beta"].poses, atol=1e-9)
+    np.testing.assert_allclose(16 * one.covariances("beta", [30]), other.covariances("beta", [30]), rtol=1e-6)
+
+
+def test_relative_covariances_of_neighbours_are_small_and_those_across_robots_are_not(team_maker):
+    team, rng = team_maker(13, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(13)
+    result = optimise(team.odometry, random_closures(team, 6, rng, noise=rng), PoseGraphSettings())
+    near = result.relative_covariance(KeyframeId("beta", 30), KeyframeId("beta", 31))
+    step = odometry_covariances(team.odometry["beta"], np.arange(60), np.zeros(0, np.int64))[30]
+    assert np.trace(near) <= 1.01 * np.trace(step)
+    across = result.relative_covariance(KeyframeId("alpha", 0), KeyframeId("beta", 30))
+    np.testing.assert_allclose(across, result.covariances("beta", [30])[0], rtol=0.01, atol=1e-6)
+    assert not result.relative_covariance(KeyframeId("beta", 3), KeyframeId("beta", 3)).any()
+    with pytest.raises(InputError, match="nothing connects alpha to gamma"):
+        result.relative_covariance(KeyframeId("alpha", 0), KeyframeId("gamma", 0))
 
 
 def test_closures_within_one_robot_correct_its_drift(team_maker):
