@@ -1,29 +1,25 @@
-"""Pictures of a comparison: merged trajectories side by side, errors of all arms and seeds, and the candidate funnel.
+"""Pictures of a comparison: errors of all arms and seeds, and the candidate funnel.
 
 Colours are Okabe and Ito's; what colour says is also said by marker, line or place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wiclosure.pipeline.funnel import STAGES
-from wiclosure.pipeline.pictures import FAINT, INK, new_figure, robot_colour, save
+from wiclosure.pipeline.pictures import FAINT, FALSE, INK, TRUE, new_figure, save
 from wiclosure.types import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from wiclosure.pipeline.comparison import Comparison, Outcome
 
-TRUE, FALSE = "#0072b2", "#d55e00"
 FILTER_STYLES = {
     "none": ("#555555", "o"),
     "wiclosure": ("#0072b2", "s"),
@@ -31,50 +27,8 @@ FILTER_STYLES = {
     "oracle": ("#009e73", "D"),
     "random": ("#cc79a7", "v"),
 }
-PANELS_IN_A_ROW = 3
 ZERO = 0.25
 """Where nothing is drawn on a logarithmic axis that counts."""
-
-
-@dataclass(frozen=True, eq=False)
-class MergedView:
-    """The connected robots of one arm from above, laid over ground truth by one alignment where there is some.
-
-    Args:
-        paths: `(N, 2)` m, estimate by robot; those not connected are missing.
-        truth: `(N, 2)` m, ground truth by robot.
-        closures: `(K, 2, 2)` m, both ends of each accepted closure.
-        false: `(K,)` which of them ground truth refutes.
-        colours: number of each robot among all, for its colour.
-        apart: robots that are not connected.
-        ate_m: of the team, or None.
-    """
-
-    paths: Mapping[str, FloatArray]
-    truth: Mapping[str, FloatArray]
-    closures: FloatArray
-    false: np.ndarray
-    colours: Mapping[str, int]
-    apart: tuple[str, ...]
-    ate_m: float | None
-
-
-def draw_merged(path: Path, views: Mapping[str, MergedView]) -> None:
-    """One panel an arm, the base first: what the paper's figures 7 and 9 show.
-
-    Raises:
-        OutputError: the picture cannot be written.
-    """
-    columns = min(len(views), PANELS_IN_A_ROW)
-    rows = -(-len(views) // columns)
-    figure = new_figure(5.2 * columns, 4.9 * rows + 0.5)
-    panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    for axes, (title, view) in zip(panels, views.items(), strict=False):
-        _draw_view(axes, title, view)
-    for axes in panels[len(views) :]:
-        axes.remove()
-    _legend(figure)
-    save(figure, path)
 
 
 def draw_errors(path: Path, comparison: Comparison) -> None:
@@ -127,49 +81,6 @@ def draw_funnel(path: Path, comparison: Comparison) -> None:
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
     save(figure, path)
-
-
-# -------------------------------------------------------------------------------------------------------- trajectories
-def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
-    from matplotlib.collections import LineCollection
-
-    for robot, place in view.truth.items():
-        axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=1.5)
-        assert robot in view.colours
-    for robot, place in view.paths.items():
-        axes.plot(*place.T, color=robot_colour(view.colours[robot]), linewidth=1.8, label=robot, zorder=2)
-        axes.plot(*place[:1].T, "o", color=robot_colour(view.colours[robot]), markeredgecolor="white", zorder=3)
-    for chosen, style, colour, label in (
-        (~view.false, "-", INK, "accepted closure"),
-        (view.false, "-", FALSE, "accepted and false"),
-    ):
-        ends = view.closures[chosen]
-        if len(ends):
-            width = 0.8 if label == "accepted closure" else 1.4
-            axes.add_collection(LineCollection(list(ends), colors=colour, linestyles=style, linewidths=width, zorder=4))
-            marker = "." if label == "accepted closure" else "x"
-            axes.plot(*ends.mean(axis=1).T, marker, color=colour, markersize=5, linestyle="", label=label, zorder=5)
-    error = "" if view.ate_m is None else f", ATE {view.ate_m:.3g} m"
-    false = f", {view.false.sum()} false" if view.false.any() else ""
-    axes.set_title(f"{title}: {len(view.closures)} closures{false}{error}", fontsize=11)
-    if view.apart:
-        note = f"not connected: {', '.join(view.apart)}"
-        axes.text(0.02, 0.02, note, transform=axes.transAxes, color=INK, va="bottom")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x, m")
-    axes.set_ylabel("y, m")
-    axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
-    axes.set_axisbelow(True)
-
-
-def _legend(figure: Figure) -> None:
-    """One entry for each label that any panel has; colours of closures do not depend on the panel."""
-    found: dict[str, Artist] = {}
-    for axes in figure.axes:
-        handles, labels = axes.get_legend_handles_labels()
-        found |= dict(zip(labels, handles, strict=True))
-    columns = min(len(found), 6)
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns, frameon=False)
 
 
 # -------------------------------------------------------------------------------------------------------------- errors

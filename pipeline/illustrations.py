@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 
 from wiclosure.pipeline.body_axes import in_lidar_axes
-from wiclosure.pipeline.comparison_pictures import MergedView, draw_merged
 from wiclosure.pipeline.evaluation import EvaluationSettings
-from wiclosure.pipeline.pictures import draw_candidates, draw_trajectories
+from wiclosure.pipeline.pictures import draw_candidates
 from wiclosure.pipeline.run import RunResult
 from wiclosure.pipeline.trajectory_error import matched, rigid_alignment
+from wiclosure.pipeline.trajectory_pictures import MergedView, draw_merged, draw_run
 from wiclosure.types import CandidatePairs, Closure, FloatArray, Trajectory
 
 MATRICES = 3  # robot pairs whose candidates are drawn; five robots have ten
@@ -74,12 +74,11 @@ def merged_view(result: RunResult) -> MergedView:
     right, known = judge.right(accepted)
     ends = [[graph.trajectories[k.robot].positions[k.index] for k in (c.query, c.match)] for c in accepted]
     return MergedView(
+        odometry={robot: front.odometry.positions[:, :2] for robot, front in result.fronts.items()},
         paths={robot: _from_above(T_shown_world, result.merged[robot].positions) for robot in connected},
         truth={pair.robot: pair.truth[:, :2, 3] for pair in pairs},
         closures=_from_above(T_shown_world, np.array(ends).reshape(-1, 3)).reshape(-1, 2, 2),
         false=known & ~right,
-        colours={robot: number for number, robot in enumerate(result.merged)},
-        apart=tuple(robot for robot in result.merged if robot not in connected),
         ate_m=result.metrics["ate_m"]["team"],
     )
 
@@ -90,17 +89,9 @@ def illustrate_run(folder: Path, result: RunResult) -> None:
     Raises:
         OutputError: a picture cannot be written.
     """
-    draw_trajectories(
-        folder / "trajectories.png",
-        odometry={robot: front.odometry for robot, front in result.fronts.items()},
-        merged=result.merged,
-        keyframes=result.solution.graph.trajectories,
-        closures=result.solution.closures,
-        components=result.solution.graph.components,
-        truth=result.inputs.ground_truth,
-        gap_s=result.config.evaluation.ground_truth_gap_s,
-    )
-    _draw_matrices(folder, {result.solution.filtered.filter_name: Sketch.of(result)})
+    sketch = Sketch.of(result)
+    draw_run(folder / "trajectories.png", sketch.view)
+    _draw_matrices(folder, {result.solution.filtered.filter_name: sketch})
 
 
 def illustrate_arms(folder: Path, arms: Mapping[str, Sketch]) -> None:

@@ -1,14 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from wiclosure import se3
 from wiclosure.errors import OutputError
 from wiclosure.pipeline import pictures
-from wiclosure.pipeline.pictures import draw_candidates, draw_trajectories
+from wiclosure.pipeline.pictures import draw_candidates
 from wiclosure.types import CandidatePairs, Closure, Decision, Evidence, KeyframeId, Trajectory
 
 
@@ -40,35 +38,6 @@ def share_of(image, colour):
     return (np.abs(image - wanted).max(axis=2) < 0.03).mean()
 
 
-def draw(path, **changes):
-    arguments = {
-        "odometry": TEAM, "merged": TEAM, "keyframes": TEAM, "closures": [CLOSURE], "components": (("alpha", "beta"),),
-        "truth": TEAM,
-    }  # fmt: skip
-    draw_trajectories(path, **(arguments | changes))
-    return pixels(path)
-
-
-def test_trajectories_show_every_robot_and_closure(tmp_path):
-    image = draw(tmp_path / "all.png")
-    assert min(share_of(image, colour) for colour in ("#0072b2", "#e69f00")) > 1e-3
-    rejected = draw(tmp_path / "rejected.png", closures=[replace(CLOSURE, decision=Decision.REJECTED)])
-    assert share_of(image, "#d55e00") > share_of(rejected, "#d55e00")
-
-
-def test_robots_that_are_not_connected_are_not_drawn_into_a_frame_that_is_not_theirs(tmp_path):
-    together = draw(tmp_path / "together.png", truth={})
-    apart = draw(tmp_path / "apart.png", truth={}, components=(("alpha",), ("beta",)), closures=[])
-    right = np.s_[:-60, together.shape[1] // 2 :]
-    assert share_of(together[right], "#e69f00") > 1e-3
-    assert share_of(apart[right], "#e69f00") < 1e-4
-
-
-@pytest.mark.parametrize("changes", [{"truth": {}}, {"closures": []}, {"components": (("alpha",), ("beta",))}])
-def test_trajectories_without_truth_closures_or_connection_are_drawn_too(tmp_path, changes):
-    assert draw(tmp_path / "picture.png", **changes).shape[0] > 200
-
-
 def test_candidates_show_what_was_kept_and_what_was_missed(tmp_path):
     every = np.arange(50)
     arms = {
@@ -91,5 +60,8 @@ def test_candidates_without_ground_truth_are_drawn(tmp_path):
 
 
 def test_a_missing_folder_is_named(tmp_path):
+    pairs = CandidatePairs.without_prediction("alpha", "beta", np.zeros(0, np.int64), np.zeros(0, np.int64))
     with pytest.raises(OutputError, match="nowhere"):
-        draw(tmp_path / "nowhere" / "picture.png")
+        draw_candidates(
+            tmp_path / "nowhere" / "c.png", {"none": pairs}, keyframes=TEAM, closures={}, truth={}, radius_m=9
+        )
