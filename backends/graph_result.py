@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import gtsam
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.backends.factors import Keys
-from wiclosure.errors import InputError, OutputError
+from wiclosure.errors import InputError
 from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId, Trajectory
-
-G2O_ORDER = np.array([3, 4, 5, 0, 1, 2])  # g2o has translation first
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +49,25 @@ class GraphResult:
     def accepted(self) -> tuple[Closure, ...]:
         """The closures in the estimate."""
         return tuple(c for c in self.closures if c.decision is Decision.ACCEPTED)
+
+    def residuals(self, closures: Sequence[Closure]) -> FloatArray:
+        """Tangent vectors `(N, 6)` from each measurement to the estimate; NaN where the robots are not connected."""
+        found = np.full((len(closures), 6), np.nan)
+        component = {robot: n for n, group in enumerate(self.components) for robot in group}
+        known = [
+            n
+            for n, c in enumerate(closures)
+            if component.get(c.query.robot, -1) == component.get(c.match.robot, -2)
+            and np.isfinite(c.T_query_match).all()
+        ]
+        if known:
+            ends = [(closures[n].query, closures[n].match) for n in known]
+            query, match = (
+                np.stack([self.trajectories[k.robot].poses[k.index] for k in end]) for end in zip(*ends, strict=True)
+            )
+            measured = np.stack([closures[n].T_query_match for n in known])
+            found[known] = se3.log(se3.between(measured, se3.between(query, match)))
+        return found
 
     @cached_property
     def _marginals(self) -> gtsam.Marginals:
@@ -104,51 +119,3 @@ def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world:
     share = np.clip((scans_odom.stamps_ns - stamps[before]) / gap, 0.0, 1.0)
     poses = from_before @ se3.exp(share[:, None] * se3.log(se3.between(from_before, from_after)))
     return Trajectory(scans_odom.robot, scans_odom.stamps_ns, poses, scans_odom.drift)
-
-
-def write_g2o(result: GraphResult, path: Path) -> None:
-    """Writes the graph for other solvers.
-
-    Vertices are numbered from 0 over all robots, in the order of `result.trajectories`, because g2o takes 32 bits and
-    GTSAM's own keys need 64; comments at the top say which robot has which.  The first pose of each component is fixed.
-    `gtsam.writeG2o` keeps six digits, 1 cm on a path of kilometres; here every digit is kept.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    keys = Keys(tuple(result.trajectories))
-    sizes = {robot: len(trajectory) for robot, trajectory in result.trajectories.items()}
-    first = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
-    vertex = {keys(robot, n): first[robot] + n for robot, size in sizes.items() for n in range(size)}
-    lines = [f"# keyframes of {robot}: vertices {first[robot]} to {first[robot] + sizes[robot] - 1}" for robot in sizes]
-    lines += [
-        f"VERTEX_SE3:QUAT {first[robot] + n} {pose}"
-        for robot, trajectory in result.trajectories.items()
-        for n, pose in enumerate(_numbers(trajectory.poses))
-    ]
-    lines += [f"FIX {first[component[0]]}" for component in result.components]
-    edges = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
-    if edges:
-        measured = _numbers(np.stack([f.measured().matrix() for f in edges]))
-        information = np.stack([_information(f) for f in edges])[:, G2O_ORDER][:, :, G2O_ORDER]
-        upper = information[:, *np.triu_indices(6)]
-        lines += [
-            f"EDGE_SE3:QUAT {vertex[f.keys()[0]]} {vertex[f.keys()[1]]} {pose} {' '.join(map(repr, row))}"
-            for f, pose, row in zip(edges, measured, upper.tolist(), strict=True)
-        ]
-    try:
-        path.write_text("\n".join(lines) + "\n")
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
-
-
-def _numbers(T: FloatArray) -> list[str]:
-    """`x y z qx qy qz qw` of each transform, every digit kept."""
-    rows = np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
-    return [" ".join(map(repr, row)) for row in rows.tolist()]
-
-
-def _information(factor: gtsam.BetweenFactorPose3) -> FloatArray:
-    noise = factor.noiseModel()
-    assert isinstance(noise, gtsam.noiseModel.Gaussian)  # all factors of the final graph are made here
-    return np.asarray(noise.information())

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import yaml
 
-from wiclosure.backends.graph_result import write_g2o
+from wiclosure.backends.g2o_writer import write_g2o
 from wiclosure.backends.merged_map import write_ply
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
+from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.closures_csv import write_closures
 from wiclosure.pipeline.config import dump_config
@@ -26,6 +27,7 @@ def write_run(folder: Path, result: RunResult) -> None:
     write_json(folder / "metrics.json", result.metrics)
     for robot, front in result.fronts.items():
         write_tum(folder / f"{robot}.tum", result.merged[robot])
+        write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot])
         write_tum(folder / f"{robot}_odometry.tum", front.odometry)
     for robot, truth in result.inputs.ground_truth.items():
         write_tum(folder / f"{robot}_ground_truth.tum", truth)

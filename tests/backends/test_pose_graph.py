@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import gtsam
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,11 +10,11 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
 from wiclosure.backends.factors import odometry_covariances
-from wiclosure.backends.graph_result import carried, write_g2o
+from wiclosure.backends.graph_result import carried
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.drift import DriftModel
-from wiclosure.errors import InputError, OutputError
+from wiclosure.errors import InputError
 from wiclosure.types import Decision, KeyframeId, Trajectory
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -253,39 +252,6 @@ def test_scans_are_carried_along_with_their_keyframes(team_maker, seed):
     np.testing.assert_allclose(carried(scans, keyframes, keyframes).poses, scans.poses, atol=1e-9)
     frame = se3.from_yaw(1.0, np.array([4.0, 5.0, 6.0]))
     np.testing.assert_allclose(carried(scans, keyframes, keyframes.moved(frame)).poses, frame @ scans.poses, atol=1e-8)
-
-
-def test_g2o_round_trip_through_gtsam(team_maker, tmp_path):
-    team, rng = team_maker(8, ("alpha", "beta", "gamma"), 20, noise=1.0), np.random.default_rng(8)
-    far = {r: t.moved(se3.from_yaw(0.3, np.array([12345.678, 0.0, 0.0]))) for r, t in team.odometry.items()}
-    result = optimise(far, random_closures(team, 5, rng, noise=rng), PoseGraphSettings())
-    write_g2o(result, tmp_path / "graph.g2o")
-    graph, values = gtsam.readG2o(str(tmp_path / "graph.g2o"), is3D=True)
-    assert graph.size() == 3 * 19 + len(result.accepted)
-    assert values.size() == 60
-    for robot, trajectory in enumerate(result.trajectories.values()):
-        read = np.stack([values.atPose3(20 * robot + n).matrix() for n in range(20)])
-        np.testing.assert_allclose(read, trajectory.poses, atol=1e-9)
-    factors = [result.graph.at(i) for i in range(result.graph.size())]
-    expected = sum(f.error(result.values) for f in factors if isinstance(f, gtsam.BetweenFactorPose3))
-    assert graph.error(values) == pytest.approx(expected, rel=1e-6)
-
-
-def test_g2o_numbers_fit_32_bits_and_say_whose_they_are(team_maker, tmp_path):
-    odometry = team_maker(9, ("alpha", "beta"), 3).odometry
-    write_g2o(optimise(odometry, [], PoseGraphSettings()), tmp_path / "graph.g2o")
-    lines = (tmp_path / "graph.g2o").read_text().splitlines()
-    assert lines[:2] == ["# keyframes of alpha: vertices 0 to 2", "# keyframes of beta: vertices 3 to 5"]
-    words = [line.split() for line in lines]
-    assert [int(w[1]) for w in words if w[0] == "VERTEX_SE3:QUAT"] == [0, 1, 2, 3, 4, 5]
-    assert [(int(w[1]), int(w[2])) for w in words if w[0] == "EDGE_SE3:QUAT"] == [(0, 1), (1, 2), (3, 4), (4, 5)]
-    assert [w for w in words if w[0] == "FIX"] == [["FIX", "0"], ["FIX", "3"]], "one of each group that hangs together"
-
-
-def test_g2o_into_a_missing_folder_says_where(team_maker, tmp_path):
-    result = optimise(team_maker(9, n=3).odometry, [], PoseGraphSettings())
-    with pytest.raises(OutputError, match="nowhere"):
-        write_g2o(result, tmp_path / "nowhere" / "graph.g2o")
 
 
 def test_recorded_graph_with_false_closures_agrees_with_the_clean_decision(data_dir, g2o_loader):

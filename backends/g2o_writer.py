@@ -1,0 +1,109 @@
+"""The estimate as a g2o file: every factor, and what became of every closure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import gtsam
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wiclosure.backends.factors import Keys
+from wiclosure.backends.graph_result import GraphResult
+from wiclosure.errors import OutputError
+from wiclosure.types import Decision, FloatArray
+
+TRANSLATION_FIRST = np.array([3, 4, 5, 0, 1, 2])  # g2o's order
+
+
+def write_g2o(result: GraphResult, path: Path, keys: Mapping[str, np.ndarray] | None = None) -> None:
+    """Writes the graph for other solvers: odometry and accepted closures as edges, rejected closures as comments.
+
+    `gtsam.writeG2o` keeps six digits, 1 cm on a path of kilometres; here every digit is kept.  The first pose of each
+    component is fixed.
+
+    Args:
+        result: the estimate.
+        path: the file.
+        keys: number of each keyframe `(N,)` by robot.  By default keyframes are numbered from 0 over all robots, in the
+            order of `result.trajectories`, because g2o takes 32 bits and GTSAM's own keys need 64; comments at the top
+            say which robot has which.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    sizes = {robot: len(trajectory) for robot, trajectory in result.trajectories.items()}
+    starts = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
+    numbers = keys if keys is not None else {robot: starts[robot] + np.arange(size) for robot, size in sizes.items()}
+    lines = [] if keys is not None else [_range(robot, numbers[robot]) for robot in sizes]
+    for robot, trajectory in result.trajectories.items():
+        poses = zip(numbers[robot].tolist(), _numbers(trajectory.poses), strict=True)
+        lines += [f"VERTEX_SE3:QUAT {number} {pose}" for number, pose in poses]
+    lines += [f"FIX {numbers[component[0]][0]}" for component in result.components]
+    lines += [*_believed(result, numbers), *_rejected(result, numbers)]
+    try:
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
+
+
+def _range(robot: str, numbers: np.ndarray) -> str:
+    return f"# keyframes of {robot}: vertices {numbers[0]} to {numbers[-1]}"
+
+
+def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Odometry, then each accepted closure after a comment that says why."""
+    keys = Keys(tuple(result.trajectories))
+    vertex = {keys(r, n): number for r, own in numbers.items() for n, number in enumerate(own.tolist())}
+    reasons = {
+        frozenset((keys(c.query.robot, c.query.index), keys(c.match.robot, c.match.index))): c.reason
+        for c in result.accepted
+    }
+    edges = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
+    if not edges:
+        return
+    information = np.stack([_information(f) for f in edges]) / result.sigma_scale**2
+    measured = np.stack([f.measured().matrix() for f in edges])
+    for factor, edge in zip(edges, _edges(measured, information), strict=True):
+        first, second = factor.keys()
+        if reason := reasons.get(frozenset((first, second)), ""):
+            yield f"# accepted: {reason}"
+        yield f"EDGE_SE3:QUAT {vertex[first]} {vertex[second]} {edge}"
+
+
+def _rejected(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Two comments for each rejected closure that states a measurement: why, and the edge that it would have been."""
+    rejected = [
+        c for c in result.closures if c.decision is Decision.REJECTED and _measures(c.T_query_match, c.covariance)
+    ]
+    if not rejected:
+        return
+    information = np.linalg.inv(np.stack([c.covariance for c in rejected]))
+    for closure, edge in zip(rejected, _edges(np.stack([c.T_query_match for c in rejected]), information), strict=True):
+        first, second = (numbers[key.robot][key.index] for key in (closure.query, closure.match))
+        yield f"# rejected: {closure.reason}"
+        yield f"# EDGE_SE3:QUAT {first} {second} {edge}"
+
+
+def _measures(T: FloatArray, covariance: FloatArray) -> bool:
+    finite = bool(np.isfinite(T).all() and np.isfinite(covariance).all())
+    return finite and bool(np.linalg.eigvalsh(covariance)[0] > 0)
+
+
+def _edges(T: FloatArray, information: FloatArray) -> Iterator[str]:
+    """Transform and upper triangle of the information of each edge."""
+    upper = information[:, TRANSLATION_FIRST][:, :, TRANSLATION_FIRST][:, *np.triu_indices(6)]
+    return (f"{pose} {' '.join(map(repr, row))}" for pose, row in zip(_numbers(T), upper.tolist(), strict=True))
+
+
+def _numbers(T: FloatArray) -> list[str]:
+    """`x y z qx qy qz qw` of each transform, every digit kept."""
+    rows = np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
+    return [" ".join(map(repr, row)) for row in rows.tolist()]
+
+
+def _information(factor: gtsam.BetweenFactorPose3) -> FloatArray:
+    noise = factor.noiseModel()
+    assert isinstance(noise, gtsam.noiseModel.Gaussian)  # all factors of the final graph are made here
+    return np.asarray(noise.information())
