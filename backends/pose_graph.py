@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -73,7 +73,7 @@ def optimise(
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept)
     graph = _final_graph(trajectories, kept, groups, found.poses)
-    return GraphResult(
+    result = GraphResult(
         trajectories={r: Trajectory(r, t.stamps_ns, found.poses[r], t.drift) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
@@ -82,6 +82,17 @@ def optimise(
         graph=graph,
         values=_values(found.poses),
         sigma_scale=settings.sigma_scale,
+    )
+    return replace(result, closures=_with_residuals(result))
+
+
+def _with_residuals(result: GraphResult) -> tuple[Closure, ...]:
+    """Every closure with its distance from the estimate, whatever was decided on it."""
+    residuals = result.residuals(result.closures)
+    angles, distances = (np.linalg.norm(part, axis=1).tolist() for part in (residuals[:, :3], residuals[:, 3:]))
+    return tuple(
+        replace(c, evidence=replace(c.evidence, residual_m=m, residual_rad=rad))
+        for c, m, rad in zip(result.closures, distances, angles, strict=True)
     )
 
 

@@ -458,6 +458,7 @@ class Evidence:
         agreement: share of the points that matched among those that matched or that the other sensor looked through.
         rms_m: root mean square of the distances of matched points.
         consistent_with: how many other closures of the robot pair agree (PCM degree).
+        residual_m, residual_rad: distance and angle between the measurement and the final estimate.
     """
 
     scan_context_distance: float = float("nan")
@@ -469,6 +470,8 @@ class Evidence:
     agreement: float = float("nan")
     rms_m: float = float("nan")
     consistent_with: int = 0
+    residual_m: float = float("nan")
+    residual_rad: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
