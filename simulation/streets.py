@@ -54,17 +54,19 @@ def make_lot(rng: np.random.Generator) -> Lot:
 
 
 def _plants(lot: Lot, rng: np.random.Generator) -> None:
-    """Trees in front and at the back, bushes all over: in recorded streets half of what stands is green."""
+    """Trees beside the house and behind it, bushes along the street: half of what recorded scans see is green."""
     for _ in range(rng.integers(1, 4)):
         height = rng.uniform(4.0, 11.0)
         side = rng.choice([-1.0, 1.0])
-        lot.slight.append((tree(rng, height, 0.3 * height, 60), side * rng.uniform(4, 8), rng.uniform(1.5, 12), 0.0))
+        lot.slight.append(
+            (tree(rng, height, 0.3 * height, 60), side * rng.uniform(6.5, 8.3), rng.uniform(1.5, 12), 0.0)
+        )
     for x_m in rng.uniform(-8, 8, rng.integers(2, 5)):
         height = rng.uniform(5.0, 12.0)
         lot.slight.append((tree(rng, height, 0.32 * height, 40), x_m, rng.uniform(13, 20), 0.0))
     for x_m in rng.uniform(-8, 8, rng.integers(4, 10)):
         height = rng.uniform(0.8, 3.0)
-        lot.slight.append((bush(rng, height, 0.5 * height), x_m, 0.5 * height + rng.uniform(0.3, 9), 0.0))
+        lot.slight.append((bush(rng, height, 0.5 * height), x_m, 0.5 * height + rng.uniform(0.3, 1.5), 0.0))
 
 
 def _house(rng: np.random.Generator, size: Footprint) -> Mesh:
