@@ -10,7 +10,11 @@ from wiclosure.settings import Settings
 
 
 class OdometrySettings(Settings):
-    """KISS-ICP, and which points it sees."""
+    """KISS-ICP or recorded odometry, and which points it sees."""
+
+    source: Literal["recorded", "kiss-icp"] = Field(
+        "recorded", description="recorded: a robot's own where the data set names one, else KISS-ICP; kiss-icp: always"
+    )
 
     max_range_m: float = Field(100.0, gt=0, description="m; points beyond are noise or the sky (KISS-ICP's default)")
     min_range_m: float = Field(0.0, ge=0, description="m; raise it where the sensor sees its own carrier")
@@ -18,7 +22,9 @@ class OdometrySettings(Settings):
         None, gt=0, description="m; none: from the extent of the first scan, 1 m on a street, 0.25 m in rooms"
     )
     deskew: bool = Field(True, description="undo the motion during the sweep, where points carry their times")
-    num_threads: int = Field(0, ge=0, description="0: all cores")
+    num_threads: int = Field(
+        1, ge=0, description="0: all cores; more than one make it hardly faster (measured), and not bit-reproducible"
+    )
 
     @model_validator(mode="after")
     def _ranges_in_order(self) -> Self:

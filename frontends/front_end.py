@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.frontends.config import FrontEndSettings
-from wiclosure.frontends.front_end_result import FrontEndCounts, FrontEndResult
+from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings, ScanContextSettings
+from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.frontends.keyframes import KeyframeSelector, thinned
 from wiclosure.frontends.odometry import KissOdometry
+from wiclosure.frontends.recorded_odometry import RecordedOdometry
 from wiclosure.frontends.scan_context import describe
-from wiclosure.types import FloatArray, Keyframe, KeyframeId, Scan, Trajectory
+from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
-__all__ = ["FrontEnd", "FrontEndResult"]
+__all__ = ["FrontEnd", "FrontEndResult", "OdometryRun", "describe_all"]
 
 logger = logging.getLogger(__name__)
 
@@ -24,49 +26,42 @@ logger = logging.getLogger(__name__)
 _FEWEST_POINTS = 100
 
 
-class FrontEnd:
+class OdometryRun:
     """Takes one robot's scans one by one; what it keeps grows with the keyframes only (and one pose a scan).
 
     Args:
-        settings: of odometry, keyframes and descriptors.
-        robot: name of the robot.
-        drift: how fast its odometry goes wrong; goes into the trajectories.
+        settings: of odometry.
+        keyframes: which scans are kept, and how finely.
+        robot: name of the robot, for messages.
+        recorded: the robot's own odometry, of the LiDAR's frame; KISS-ICP's where there is none.
     """
 
-    def __init__(self, settings: FrontEndSettings, robot: str, drift: DriftModel | None = None) -> None:
-        self._settings = settings
+    def __init__(
+        self, settings: OdometrySettings, keyframes: KeyframeSettings, robot: str, recorded: Trajectory | None = None
+    ) -> None:
+        self._settings, self._keyframes = settings, keyframes
         self._robot = robot
-        self._drift = drift or DriftModel()
-        self._odometry = KissOdometry(settings.odometry)
-        self._selector = KeyframeSelector(settings.keyframes)
+        self._odometry = KissOdometry(settings) if recorded is None else RecordedOdometry(settings, recorded)
+        self._selector = KeyframeSelector(keyframes)
         self._stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
-        self._keyframes: list[Keyframe] = []
+        self._clouds: list[Float32Array] = []
         self._keyframe_indices: list[int] = []
-        self._scans = self._sparse = self._late = 0
-        self._seconds_odometry = self._seconds_descriptors = 0.0
+        self._scans = self._sparse = self._late = self._outside = 0
+        self._seconds = 0.0
 
-    def process(self, scan: Scan) -> Keyframe | None:
-        """Next scan in; the keyframe made of it, if it became one.
+    def process(self, scan: Scan) -> bool:
+        """Next scan in; whether it became a keyframe.
 
         Scans with too few points and scans that do not follow the last in time are left out and counted.
         """
         self._scans += 1
-        if not self._usable(scan):
-            return None
         started = time.perf_counter()
-        stamp_ns, T_odom_body, points = self._odometry.register(scan)
-        self._stamps_ns.append(stamp_ns)
-        self._poses.append(T_odom_body)
-        finished = time.perf_counter()
-        self._seconds_odometry += finished - started
-        if not self._selector.select(T_odom_body):
-            return None
-        keyframe = self._remember(stamp_ns, T_odom_body, points)
-        self._seconds_descriptors += time.perf_counter() - finished
-        return keyframe
+        chosen = self._usable(scan) and self._follow(scan)
+        self._seconds += time.perf_counter() - started
+        return chosen
 
-    def result(self) -> FrontEndResult:
+    def result(self) -> OdometryResult:
         """All that was found so far.
 
         Raises:
@@ -75,21 +70,17 @@ class FrontEnd:
         if not self._poses:
             raise InputError(
                 f"robot {self._robot}: none of {self._scans} scans has {_FEWEST_POINTS} points between"
-                f" {self._settings.odometry.min_range_m:g} and {self._settings.odometry.max_range_m:g} m;"
-                " check the topic and odometry.min_range_m and max_range_m"
+                f" {self._settings.min_range_m:g} and {self._settings.max_range_m:g} m"
+                + (" and lies within the time of the odometry" if self._outside else "")
+                + "; check the topic and odometry.min_range_m and max_range_m"
             )
-        odometry = Trajectory(self._robot, np.array(self._stamps_ns, np.int64), np.array(self._poses), self._drift)
-        indices = np.array(self._keyframe_indices, np.int64)
-        return FrontEndResult(
-            robot=self._robot,
-            odometry=odometry,
-            keyframe_indices=indices,
-            keyframes=odometry.keyframes(indices),
-            clouds=tuple(k.cloud for k in self._keyframes),
-            descriptors=np.stack([k.descriptor for k in self._keyframes]),
-            counts=FrontEndCounts(self._scans, self._sparse, self._late),
-            seconds_odometry=self._seconds_odometry,
-            seconds_descriptors=self._seconds_descriptors,
+        return OdometryResult(
+            stamps_ns=np.array(self._stamps_ns, np.int64),
+            poses=np.array(self._poses),
+            keyframe_indices=np.array(self._keyframe_indices, np.int64),
+            clouds=tuple(self._clouds),
+            counts=FrontEndCounts(self._scans, self._sparse, self._late, self._outside),
+            seconds=self._seconds,
         )
 
     def _usable(self, scan: Scan) -> bool:
@@ -101,17 +92,60 @@ class FrontEnd:
             self._late += 1
             logger.debug("%s: scan at %d ns does not follow the last, left out", self._robot, scan.stamp_ns)
             return False
+        if not self._odometry.covers(scan):
+            self._outside += 1
+            logger.debug("%s: scan at %d ns is outside the odometry, left out", self._robot, scan.stamp_ns)
+            return False
         return True
 
-    def _remember(self, stamp_ns: int, T_odom_body: FloatArray, points: FloatArray) -> Keyframe:
-        voxel_m = self._settings.keyframes.cloud_voxel_size_m
-        keyframe = Keyframe(
-            key=KeyframeId(self._robot, len(self._keyframes)),
-            stamp_ns=stamp_ns,
-            T_odom_body=T_odom_body,
-            cloud=self._odometry.thinned.astype(np.float32) if voxel_m is None else thinned(points, voxel_m),
-            descriptor=describe(points, self._settings.scan_context),
-        )
-        self._keyframes.append(keyframe)
+    def _follow(self, scan: Scan) -> bool:
+        stamp_ns, T_odom_body, points = self._odometry.register(scan)
+        self._stamps_ns.append(stamp_ns)
+        self._poses.append(T_odom_body)
+        if not self._selector.select(T_odom_body):
+            return False
+        voxel_m = self._keyframes.cloud_voxel_size_m
+        self._clouds.append(self._odometry.thinned.astype(np.float32) if voxel_m is None else thinned(points, voxel_m))
         self._keyframe_indices.append(len(self._poses) - 1)
-        return keyframe
+        return True
+
+
+def describe_all(clouds: Sequence[Float32Array], settings: ScanContextSettings) -> Descriptors:
+    """Scan contexts of keyframe clouds."""
+    started = time.perf_counter()
+    images = np.stack([describe(cloud, settings) for cloud in clouds])
+    return Descriptors(images, time.perf_counter() - started)
+
+
+class FrontEnd:
+    """Odometry and descriptors of one robot in one go.
+
+    Args:
+        settings: of odometry, keyframes and descriptors.
+        robot: name of the robot.
+        drift: how fast its odometry goes wrong; goes into the trajectories.
+        recorded: the robot's own odometry, instead of KISS-ICP's.
+    """
+
+    def __init__(
+        self,
+        settings: FrontEndSettings,
+        robot: str,
+        drift: DriftModel | None = None,
+        recorded: Trajectory | None = None,
+    ) -> None:
+        self._settings, self._robot, self._drift = settings, robot, drift or DriftModel()
+        self._run = OdometryRun(settings.odometry, settings.keyframes, robot, recorded)
+
+    def process(self, scan: Scan) -> bool:
+        """Next scan in; whether it became a keyframe."""
+        return self._run.process(scan)
+
+    def result(self) -> FrontEndResult:
+        """All that was found so far.
+
+        Raises:
+            InputError: no scan was usable.
+        """
+        went = self._run.result()
+        return FrontEndResult.of(self._robot, self._drift, went, describe_all(went.clouds, self._settings.scan_context))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import zipfile
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.types import Float32Array, IntArray, Trajectory
+from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,97 @@ class FrontEndCounts:
         scans: all that came.
         sparse: left out, as too few of their points lay within range.
         late: left out, as their stamp did not follow the one before.
+        outside: left out, as the recorded odometry does not reach to them.
     """
 
     scans: int
     sparse: int = 0
     late: int = 0
+    outside: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryResult:
+    """Where one robot went, and the clouds that it kept of its way.
+
+    Args:
+        stamps_ns: `(N,)` of every usable scan.
+        poses: `(N, 4, 4)` `T_odom_body` at these stamps.
+        keyframe_indices: `(K,)` which of them are keyframes.
+        clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
+        counts: scans in, scans left out.
+        seconds: wall time.
+    """
+
+    stamps_ns: IntArray
+    poses: FloatArray
+    keyframe_indices: IntArray
+    clouds: tuple[Float32Array, ...]
+    counts: FrontEndCounts
+    seconds: float
+
+    def save(self, path: Path) -> None:
+        """Writes one `.npz` file: all clouds in one array, with offsets."""
+        _save(
+            path,
+            stamps_ns=self.stamps_ns,
+            poses=self.poses,
+            keyframe_indices=self.keyframe_indices,
+            points=np.concatenate(self.clouds),
+            offsets=np.cumsum([0, *(len(cloud) for cloud in self.clouds)]),
+            counts=np.array(astuple(self.counts)),
+            seconds=np.array(self.seconds),
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: the file is missing, damaged or of something else.
+        """
+        try:
+            content = _load(path)
+            return cls(
+                stamps_ns=content["stamps_ns"],
+                poses=content["poses"],
+                keyframe_indices=content["keyframe_indices"],
+                clouds=tuple(np.split(content["points"], content["offsets"][1:-1])),
+                counts=FrontEndCounts(*content["counts"].tolist()),
+                seconds=float(content["seconds"]),
+            )
+        except _UNREADABLE as error:
+            raise InputError(f"{path} is not a saved odometry ({error}); delete it to have it made anew") from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descriptors:
+    """Scan contexts of one robot's keyframes.
+
+    Args:
+        images: `(K, rings, sectors)` float32.
+        seconds: wall time of describing them.
+    """
+
+    images: Float32Array
+    seconds: float
+
+    def save(self, path: Path) -> None:
+        """Writes one `.npz` file."""
+        _save(path, images=self.images, seconds=np.array(self.seconds))
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: the file is missing, damaged or of something else.
+        """
+        try:
+            content = _load(path)
+            return cls(content["images"], float(content["seconds"]))
+        except _UNREADABLE as error:
+            raise InputError(f"{path} holds no saved descriptors ({error}); delete it to have it made anew") from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,8 +127,8 @@ class FrontEndResult:
         clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
         descriptors: `(K, rings, sectors)` float32 scan contexts.
         counts: scans in, scans left out.
-        seconds_odometry: wall time of the odometry.
-        seconds_descriptors: wall time of thinning clouds and describing them.
+        seconds_odometry: wall time of odometry and clouds.
+        seconds_descriptors: wall time of describing them.
     """
 
     robot: str
@@ -55,53 +141,32 @@ class FrontEndResult:
     seconds_odometry: float
     seconds_descriptors: float
 
-    def save(self, path: Path) -> None:
-        """Writes one `.npz` file: all clouds in one array, with offsets."""
-        sizes = [len(cloud) for cloud in self.clouds]
-        with path.open("wb") as file:
-            np.savez(
-                file,
-                robot=np.array(self.robot),
-                stamps_ns=self.odometry.stamps_ns,
-                poses=self.odometry.poses,
-                drift=np.array(self.odometry.drift.model_dump_json()),
-                keyframe_indices=self.keyframe_indices,
-                points=np.concatenate(self.clouds),
-                offsets=np.cumsum([0, *sizes]),
-                descriptors=self.descriptors,
-                counts=np.array(astuple(self.counts)),
-                seconds=np.array([self.seconds_odometry, self.seconds_descriptors]),
-            )
-
     @classmethod
-    def load(cls, path: Path) -> Self:
-        """Reads what `save` wrote.
+    def of(cls, robot: str, drift: DriftModel, went: OdometryResult, described: Descriptors) -> Self:
+        """Puts together what the stages found."""
+        odometry = Trajectory(robot, went.stamps_ns, went.poses, drift)
+        return cls(
+            robot=robot,
+            odometry=odometry,
+            keyframe_indices=went.keyframe_indices,
+            keyframes=odometry.keyframes(went.keyframe_indices),
+            clouds=went.clouds,
+            descriptors=described.images,
+            counts=went.counts,
+            seconds_odometry=went.seconds,
+            seconds_descriptors=described.seconds,
+        )
 
-        Raises:
-            InputError: the file is missing, damaged or of something else.
-        """
-        try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
-                content = {name: pack[name] for name in pack.files}
-            odometry = Trajectory(
-                str(content["robot"]),
-                content["stamps_ns"],
-                content["poses"],
-                DriftModel.model_validate_json(str(content["drift"])),
-            )
-            indices, offsets = content["keyframe_indices"], content["offsets"]
-            return cls(
-                robot=odometry.robot,
-                odometry=odometry,
-                keyframe_indices=indices,
-                keyframes=odometry.keyframes(indices),
-                clouds=tuple(np.split(content["points"], offsets[1:-1])),
-                descriptors=content["descriptors"],
-                counts=FrontEndCounts(*content["counts"].tolist()),
-                seconds_odometry=float(content["seconds"][0]),
-                seconds_descriptors=float(content["seconds"][1]),
-            )
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(
-                f"{path} is not a saved front end result ({error}); delete it to have it made anew"
-            ) from error
+
+_UNREADABLE = (OSError, KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile)
+
+
+def _save(path: Path, **arrays: Any) -> None:
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    """All arrays; every member carries a checksum, which reading it verifies."""
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
+        return {name: pack[name] for name in pack.files}

@@ -76,6 +76,10 @@ class KissOdometry:
         low, high = self._settings.min_range_m**2, self._settings.max_range_m**2
         return int(np.count_nonzero((squared > low) & (squared < high)))
 
+    def covers(self, scan: Scan) -> bool:
+        """Whether the scan can be followed: KISS-ICP follows all."""
+        return True
+
     def _sweep_times(self, scan: Scan) -> FloatArray:
         """Times to deskew by; none where they are absent, all alike (KISS-ICP would divide by zero), or not wanted."""
         if scan.times is None or not self._settings.deskew or len(scan.times) == 0 or np.ptp(scan.times) <= 0:

@@ -23,6 +23,7 @@ class RobotInput:
         identity: what tells this recording from any other and from its changed self.
         ground_truth: `T_world_body`, one world for all robots, or None.
         salvaged: whether what is damaged is read as far as it goes.
+        odometry: the robot's own `T_odom_body`, in the place of KISS-ICP's, or None.
     """
 
     robot: str
@@ -30,6 +31,7 @@ class RobotInput:
     identity: object
     ground_truth: Trajectory | None
     salvaged: bool = False
+    odometry: Trajectory | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

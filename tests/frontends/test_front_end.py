@@ -10,7 +10,8 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings
-from wiclosure.frontends.front_end import FrontEnd, FrontEndResult
+from wiclosure.frontends.front_end import FrontEnd, FrontEndResult, OdometryRun, describe_all
+from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
 from wiclosure.types import FloatArray, Scan
 
 
@@ -57,30 +58,48 @@ def test_a_walk_through_a_room_is_followed_and_its_keyframes_are_poses_of_it() -
     assert result.counts.scans == 21
 
 
-def test_a_saved_result_is_read_back_the_same(tmp_path: Path) -> None:
-    saved = walk(FrontEnd(SETTINGS, "alpha", DriftModel(translation_walk=0.07)), 12)
+def test_saved_stages_are_read_back_the_same(tmp_path: Path) -> None:
+    run = OdometryRun(SETTINGS.odometry, SETTINGS.keyframes, "alpha")
+    for k in range(12):
+        run.process(Scan(k * 100_000_000, room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])))))
+    saved = run.result()
     saved.save(tmp_path / "alpha.cache")
-    loaded = FrontEndResult.load(tmp_path / "alpha.cache")
-    assert (loaded.robot, loaded.counts, loaded.odometry.drift) == ("alpha", saved.counts, saved.odometry.drift)
-    assert (loaded.seconds_odometry, loaded.seconds_descriptors) == (saved.seconds_odometry, saved.seconds_descriptors)
-    for name in ("keyframe_indices", "descriptors"):
+    loaded = OdometryResult.load(tmp_path / "alpha.cache")
+    assert (loaded.counts, loaded.seconds) == (saved.counts, saved.seconds)
+    for name in ("stamps_ns", "poses", "keyframe_indices"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(saved, name))
-    for trajectory in ("odometry", "keyframes"):
-        np.testing.assert_array_equal(getattr(loaded, trajectory).poses, getattr(saved, trajectory).poses)
-        np.testing.assert_array_equal(getattr(loaded, trajectory).stamps_ns, getattr(saved, trajectory).stamps_ns)
     assert len(loaded.clouds) == len(saved.clouds)
     for cloud, expected in zip(loaded.clouds, saved.clouds, strict=True):
         np.testing.assert_array_equal(cloud, expected)
         assert cloud.dtype == np.float32
+    described = describe_all(saved.clouds, SETTINGS.scan_context)
+    described.save(tmp_path / "descriptors")
+    again = Descriptors.load(tmp_path / "descriptors")
+    np.testing.assert_array_equal(again.images, described.images)
+    assert again.seconds == described.seconds
 
 
-@pytest.mark.parametrize("keep", [0, 10, 500])
-def test_a_damaged_saved_result_is_one_clear_error(tmp_path: Path, keep: int) -> None:
+def test_a_result_carries_robot_and_drift_of_the_run() -> None:
+    result = walk(FrontEnd(SETTINGS, "alpha", DriftModel(translation_walk=0.07)), 3)
+    assert (result.robot, result.keyframes.drift.translation_walk) == ("alpha", 0.07)
+
+
+@pytest.mark.parametrize("damage", ["cut to 0", "cut to 10", "cut to 500", "a byte turned"])
+def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "alpha.cache"
-    walk(FrontEnd(SETTINGS, "alpha"), 2).save(path)
-    path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(InputError, match=r"alpha.cache is not a saved front end result"):
-        FrontEndResult.load(path)
+    run = OdometryRun(SETTINGS.odometry, SETTINGS.keyframes, "alpha")
+    run.process(Scan(0, room(np.eye(4))))
+    run.result().save(path)
+    content = bytearray(path.read_bytes())
+    if damage == "a byte turned":
+        content[len(content) // 2] ^= 0xFF
+    else:
+        content = content[: int(damage.rsplit(maxsplit=1)[-1])]
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"alpha.cache is not a saved odometry"):
+        OdometryResult.load(path)
+    with pytest.raises(InputError, match=r"alpha.cache holds no saved descriptors"):
+        Descriptors.load(path)
 
 
 def test_scans_without_points_and_late_scans_are_left_out_and_counted() -> None:
