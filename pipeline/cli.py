@@ -13,7 +13,14 @@ import typer
 
 from wiclosure import __version__
 from wiclosure.errors import WiclosureError
-from wiclosure.pipeline import commands, compare_command, data_commands, reproduce_command, simulate_command
+from wiclosure.pipeline import (
+    commands,
+    compare_command,
+    data_commands,
+    optimize_command,
+    reproduce_command,
+    simulate_command,
+)
 
 app = typer.Typer(
     name="wiclosure",
@@ -32,6 +39,7 @@ app.command("compare")(compare_command.compare)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("demo")(compare_command.demo)
 app.command("filter")(commands.filter_)
+app.command("optimize")(optimize_command.optimize)
 app.command("simulate")(simulate_command.simulate)
 app.command("split")(data_commands.split)
 app.command("eval")(commands.evaluate)
