@@ -31,7 +31,7 @@ from wiclosure.settings import Settings
 from wiclosure.wiclosure_filter.config import FilterSettings
 
 ENVIRONMENT_PREFIX = "WICLOSURE_"
-NOT_SETTINGS = {"WICLOSURE_DATA", "WICLOSURE_CACHE"}
+NOT_SETTINGS = {"WICLOSURE_DATA", "WICLOSURE_CACHE", "WICLOSURE_CACHE_GB"}
 
 
 class Config(Settings):

@@ -20,6 +20,7 @@ from wiclosure.pipeline.inputs import Inputs
 from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.odometry_stage import front_ends, left_out
 from wiclosure.pipeline.progress import Progress
+from wiclosure.pipeline.registration_store import RegistrationStore
 from wiclosure.pipeline.solve import Registered, RegistrationMemory, Solution, solve
 from wiclosure.types import Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
@@ -60,6 +61,7 @@ class Prepared:
         fronts: odometry, keyframes, descriptors by robot.
         from_cache: robots whose front end was computed by an earlier invocation.
         known: registrations done so far with these clouds and settings.
+        cache: keeps them for later invocations.
         shared: whether another run of this invocation has paid for the front ends already.
     """
 
@@ -69,6 +71,7 @@ class Prepared:
     from_cache: tuple[str, ...]
     known: dict[object, Registered] = field(default_factory=dict)
     shared: bool = False
+    cache: StageCache = field(default_factory=lambda: StageCache(None))
 
 
 def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
@@ -84,7 +87,7 @@ def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilt
 def prepare(inputs: Inputs, config: Config, *, cache: StageCache, jobs: int, progress: Progress) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors."""
     fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress)
-    return Prepared(inputs, config, fronts, from_cache)
+    return Prepared(inputs, config, fronts, from_cache, cache=cache)
 
 
 def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
@@ -92,7 +95,11 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
     # A registration of its own for every run: preparing a cloud is part of what each run costs.
     memory = RegistrationMemory(Registration(config.registration), prepared.known)
+    store = RegistrationStore(prepared.cache, fronts, config.registration)
+    recalled = store.recall(prepared.known)
     solution = solve(fronts, inputs.wireless, chosen, config, memory=memory, progress=progress)
+    if len(prepared.known) > recalled:
+        store.keep(prepared.known)
     merged = {
         robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()

@@ -84,6 +84,27 @@ def test_finished_robots_are_not_computed_again(tmp_path: Path) -> None:
     assert run([alpha, beta], tmp_path) == ([5, 3], ("alpha",))
 
 
+def test_settings_that_a_stage_does_not_use_do_not_compute_it_again(tmp_path: Path) -> None:
+    def computed(**settings: object) -> int:
+        cache = StageCache(tmp_path)
+        config = Config.model_validate(settings)
+        before = sum(stage.entries for stage in cache.stock())
+        front_ends([robot(SCANS)], config, cache=cache, jobs=1, progress=NoProgress())
+        return sum(stage.entries for stage in cache.stock()) - before
+
+    assert computed() == 2
+    assert computed(drift={"translation_walk": 0.5}, odometry={"num_threads": 2}, matching={"max_distance": 0.1}) == 0
+    assert computed(scan_context={"rings": 10}) == 1
+    assert computed(keyframes={"distance_m": 2.0}) == 2
+
+
+def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -> None:
+    for walk in (0.05, 0.5):
+        config = Config.model_validate({"drift": {"translation_walk": walk}})
+        fronts, _ = front_ends([robot(SCANS)], config, cache=StageCache(tmp_path), jobs=1, progress=NoProgress())
+        assert fronts["alpha"].keyframes.drift.translation_walk == walk
+
+
 def test_processes_give_the_same_result(tmp_path: Path) -> None:
     data = []
     for name in ("alpha", "beta"):
@@ -93,4 +114,5 @@ def test_processes_give_the_same_result(tmp_path: Path) -> None:
     alone, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
     together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=2, progress=NoProgress())
     for name, front in alone.items():
-        np.testing.assert_allclose(together[name].odometry.poses, front.odometry.poses, atol=1e-9)
+        np.testing.assert_array_equal(together[name].odometry.poses, front.odometry.poses)
+        np.testing.assert_array_equal(together[name].descriptors, front.descriptors)
