@@ -14,6 +14,7 @@ import typer
 from wiclosure import __version__
 from wiclosure.errors import WiclosureError
 from wiclosure.pipeline import (
+    cache_command,
     commands,
     compare_command,
     data_commands,
@@ -45,6 +46,7 @@ app.command("split")(data_commands.split)
 app.command("eval")(commands.evaluate)
 app.command("info")(data_commands.info)
 app.command("dump-config")(commands.dump_config)
+app.command("cache")(cache_command.cache)
 
 
 def _version(show: bool) -> None:
