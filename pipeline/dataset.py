@@ -13,6 +13,7 @@ from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.dataset_file import DATASET_FILE, near_match, read_dataset_file
 from wiclosure.pipeline.ground_truth import recorded_ground_truth
+from wiclosure.pipeline.recorded_odometry import recorded_odometry
 from wiclosure.pipeline.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.open import open_source
@@ -89,6 +90,21 @@ class Dataset:
             return None
         stamps_ns = trajectory.stamps_ns + recording.time_offset_ns
         return Trajectory(robot, stamps_ns, trajectory.poses, trajectory.drift)
+
+    def odometry(self, robot: str, *, salvage: bool = False) -> Trajectory | None:
+        """`T_odom_lidar` that the robot brings along, its clock set right, or None where KISS-ICP is to find it.
+
+        Raises:
+            InputError: the file or topic cannot be read; names the robot as well.
+        """
+        recording = self.robots[robot]
+        try:
+            trajectory = recorded_odometry(robot, recording, salvage=salvage)
+        except InputError as error:
+            raise InputError(f"robot {robot}: {error}") from error
+        if trajectory is None:
+            return None
+        return Trajectory(robot, trajectory.stamps_ns + recording.time_offset_ns, trajectory.poses)
 
     def wireless_log(self, *, salvage: bool = False) -> WirelessLog:
         """All measurements and headings of all logs and bags, each once, all clocks set right.

@@ -7,7 +7,9 @@ robots:
 wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
 Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
-`sensor_msgs/Range` topic of its bag.
+`sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
+(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` says where the LiDAR is
+in the axes whose way that odometry tells.
 """
 
 from __future__ import annotations
@@ -113,6 +115,8 @@ def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     keys = _mapping(path, where, entry, known=tuple(_VALUES))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')
+    if keys.get("odometry") is not None and keys.get("odometry_topic") is not None:
+        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic"; name one')
     values = {key: _VALUES[key](path, f'"{key}" of {where}', value) for key, value in keys.items() if value is not None}
     return RobotRecording(**values)
 
@@ -153,12 +157,23 @@ def _ranges(path: Path, what: str, value: object) -> dict[str, str]:
     return {_text(path, what, topic): _text(path, what, transmitter) for topic, transmitter in pairs.items()}
 
 
+def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
+    numbers = value if isinstance(value, list) else []
+    good = [isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers]
+    if len(numbers) != 7 or not all(good) or not any(numbers[3:]):
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected seven numbers [x, y, z, qx, qy, qz, qw]")
+    return tuple(float(n) for n in numbers)
+
+
 _VALUES: Mapping[str, Callable[[Path, str, object], Any]] = {
     "scans": _existing,
     "topic": _text,
     "ground_truth": _existing,
     "time_offset": _seconds,
     "ranges": _ranges,
+    "odometry": _existing,
+    "odometry_topic": _text,
+    "lidar_pose": _pose,
 }
 
 
@@ -177,6 +192,12 @@ def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
         entry["time_offset"] = recording.time_offset
     if recording.ranges:
         entry["ranges"] = dict(recording.ranges)
+    if recording.odometry is not None:
+        entry["odometry"] = _relative(folder, recording.odometry)
+    if recording.odometry_topic is not None:
+        entry["odometry_topic"] = recording.odometry_topic
+    if recording.lidar_pose is not None:
+        entry["lidar_pose"] = list(recording.lidar_pose)
     return entry
 
 

@@ -80,9 +80,19 @@ def open_inputs(
         RobotInput(
             robot=robot,
             scans=dataset.scans(robot, limit=limit, salvage=salvage),
-            identity=[file_identity(recording.scans), recording.topic, recording.time_offset_ns, limit, salvage],
+            identity=[
+                file_identity(recording.scans),
+                recording.topic,
+                recording.time_offset_ns,
+                limit,
+                salvage,
+                None if recording.odometry is None else file_identity(recording.odometry),
+                recording.odometry_topic,
+                recording.lidar_pose,
+            ],
             ground_truth=dataset.ground_truth(robot, salvage=salvage),
             salvaged=salvage,
+            odometry=dataset.odometry(robot, salvage=salvage),
         )
         for robot, recording in dataset.robots.items()
     )

@@ -17,6 +17,9 @@ class RobotRecording:
         ground_truth: TUM file of `T_world_body`, or None.
         time_offset: seconds to add to every stamp of this robot: scans, ground truth and radio.
         ranges: transmitter of each `sensor_msgs/Range` topic in the robot's bag that is a radio's.
+        odometry: TUM file of the robot's own odometry, in the place of KISS-ICP's, or None.
+        odometry_topic: the same as a `nav_msgs/Odometry` topic of its bag.
+        lidar_pose: `x y z qx qy qz qw` of the LiDAR in the axes whose way that odometry tells; None where they are one.
     """
 
     scans: Path
@@ -24,6 +27,9 @@ class RobotRecording:
     ground_truth: Path | None = None
     time_offset: float = 0.0
     ranges: Mapping[str, str] = field(default_factory=dict)
+    odometry: Path | None = None
+    odometry_topic: str | None = None
+    lidar_pose: tuple[float, ...] | None = None
 
     @property
     def time_offset_ns(self) -> int:
