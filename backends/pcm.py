@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wiclosure.backends.closure_sets import ClosureSet, closure_sets, decided
+from wiclosure.backends.closure_sets import LIVE, ClosureSet, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency import PairGraph, doublings
 from wiclosure.backends.judgement import PairConsistency, Verdicts, judge
@@ -57,8 +57,6 @@ def pairwise_consistent(
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
-    if not settings.enabled:
-        return PcmResult(tuple(closures), ())
     pcm = IncrementalPcm(settings)
     pcm.add(closures, trajectories)
     return pcm.result()
@@ -87,6 +85,7 @@ class IncrementalPcm:
             InputError: a closure names a robot or a keyframe that the trajectories do not have.
         """
         sets, unusable = closure_sets(closures, trajectories, self.settings.noise)
+        sets = sets if self.settings.enabled else []
         self._unusable |= {row + len(self._closures): reason for row, reason in unusable.items()}
         changed = []
         for found in sets:
@@ -102,7 +101,10 @@ class IncrementalPcm:
 
     @property
     def believed_rows(self) -> frozenset[int]:
-        """Positions of the accepted closures among all that were added."""
+        """Positions of the accepted closures among all that were added; of all verified ones without PCM."""
+        if not self.settings.enabled:
+            usable = set(range(len(self._closures))) - self._unusable.keys()
+            return frozenset(row for row in usable if self._closures[row].decision in LIVE)
         accepted = Decision.ACCEPTED
         return frozenset(
             row for _, vs in self._judged.values() for row, (decision, _) in vs.items() if decision is accepted
@@ -110,6 +112,8 @@ class IncrementalPcm:
 
     def result(self) -> PcmResult:
         """All closures with their decisions."""
+        if not self.settings.enabled:
+            return PcmResult(tuple(self._closures), ())
         decisions = {row: (Decision.REJECTED, reason) for row, reason in self._unusable.items()}
         for _, verdicts in self._judged.values():
             decisions |= verdicts

@@ -1,0 +1,145 @@
+"""The back end while robots drive: keyframes and closures arrive, decisions and poses follow (iSAM2).
+
+Kaess et al., "iSAM2: Incremental smoothing and mapping using the Bayes tree", IJRR 2012.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import gtsam
+import networkx as nx
+import numpy as np
+
+from wiclosure.backends.closure_sets import closure_sets
+from wiclosure.backends.config import PcmSettings, PoseGraphSettings
+from wiclosure.backends.consistency import chi_square_limit
+from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
+from wiclosure.backends.graph_result import GraphResult
+from wiclosure.backends.pcm import IncrementalPcm
+from wiclosure.backends.pose_graph import optimise
+from wiclosure.types import Closure, FloatArray, Trajectory
+
+
+class StreamingBackEnd:
+    """Consistency and estimate, both again with each closure, so that an early mistake heals.
+
+    `poses` are iSAM2's at any time; `result` is the batch answer over all closures, which they approach.
+
+    Args:
+        trajectories: keyframe odometry of all robots so far, one keyframe each at least.
+        pcm: settings of the consistency check.
+        settings: settings of the estimate.
+    """
+
+    def __init__(self, trajectories: Mapping[str, Trajectory], pcm: PcmSettings, settings: PoseGraphSettings) -> None:
+        self._odometry = dict(trajectories)
+        self._keys = Keys(tuple(trajectories))
+        self._settings = settings
+        self._pcm = IncrementalPcm(pcm)
+        self._closures: list[Closure] = []
+        self._slots: dict[int, int] = {}  # row of each closure in the estimate: its place among iSAM2's factors
+        self._doubted: set[int] = set()  # rows that PCM believes and the estimate does not
+        self._groups: set[frozenset[str]] = set()
+        self._restart()
+
+    def poses(self, robot: str) -> FloatArray:
+        """`T_world_body (N, 4, 4)` of all keyframes of a robot."""
+        estimate, size = self._isam.calculateEstimate(), len(self._odometry[robot])
+        return np.stack([estimate.atPose3(self._keys(robot, n)).matrix() for n in range(size)])
+
+    def result(self) -> GraphResult:
+        """The batch estimate over all closures so far, every decision taken anew."""
+        return optimise(self._odometry, self._pcm.result().closures, self._settings)
+
+    def extend(self, trajectories: Mapping[str, Trajectory]) -> None:
+        """Takes new keyframes in.
+
+        Args:
+            trajectories: keyframe odometry of all robots, the keyframes known so far first.
+        """
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for robot, trajectory in trajectories.items():
+            known = len(self._odometry[robot])
+            if len(trajectory) == known:
+                continue
+            nodes = {robot: np.arange(known - 1, len(trajectory))}
+            graph.push_back(odometry_factors({robot: trajectory}, [], self._keys, nodes))
+            last = self._isam.calculateEstimatePose3(self._keys(robot, known - 1)).matrix()
+            steps = trajectory.relative_pose(np.full(len(trajectory) - known, known - 1), nodes[robot][1:])
+            for index, pose in zip(nodes[robot][1:], last @ steps, strict=True):
+                values.insert(self._keys(robot, index), gtsam.Pose3(pose))
+        self._odometry = dict(trajectories)
+        self._isam.update(graph, values)
+
+    def add(self, closures: Sequence[Closure]) -> None:
+        """Takes new closures in, and takes back what they show to be wrong.
+
+        Raises:
+            InputError: a closure names a robot or a keyframe that is not there.
+        """
+        self._pcm.add(closures, self._odometry)
+        self._closures += closures
+        believed = set(self._pcm.believed_rows)
+        if self._connected(believed) != self._groups:
+            self._restart()
+            return
+        self._doubted &= believed
+        wanted = believed - self._doubted
+        self._update(wanted - self._slots.keys(), self._slots.keys() - wanted)
+        if self._settings.robust != "none":
+            self._doubt(believed)
+
+    def _doubt(self, believed: set[int]) -> None:
+        """Switches off new closures that the estimate contradicts, and on those that it no longer does."""
+        limit = chi_square_limit(self._settings.probability) * self._settings.sigma_scale**2
+        recent = {row for row in believed if row >= len(self._closures) - 1}
+        off = {row for row in (recent & self._slots.keys()) if self._chi_square(row) >= limit}
+        on = {row for row in self._doubted if self._chi_square(row) < limit}
+        self._doubted = (self._doubted - on) | off
+        self._update(on, off)
+
+    def _update(self, new: set[int], gone: set[int]) -> None:
+        if not new and not gone:
+            return
+        factors = gtsam.NonlinearFactorGraph()
+        for row in sorted(new):
+            factors.add(self._factor(row))
+        removed = [self._slots.pop(row) for row in sorted(gone)]
+        update = self._isam.update(factors, gtsam.Values(), removed)
+        self._slots |= dict(zip(sorted(new), update.getNewFactorsIndices(), strict=True))
+
+    def _restart(self) -> None:
+        """From the batch estimate: robots that come together move too far for the old linearisation."""
+        pcm = self._pcm.result()
+        estimate = optimise(self._odometry, pcm.closures, self._settings)
+        believed = self._pcm.believed_rows
+        accepted = sorted(row for row in believed if estimate.closures[row].decision.value == "accepted")
+        anchors = [
+            anchor(self._keys(group[0], 0), gtsam.Pose3(estimate.trajectories[group[0]].poses[0]))
+            for group in estimate.components
+        ]
+        certain = with_factors(odometry_factors(self._odometry, [], self._keys), anchors)
+        graph = with_factors(certain, [self._factor(row) for row in accepted])
+        self._isam = gtsam.ISAM2(gtsam.ISAM2Params())
+        self._isam.update(graph, estimate.values)
+        self._slots = {row: certain.size() + n for n, row in enumerate(accepted)}
+        self._doubted = set(believed) - set(accepted)
+        self._groups = self._connected(set(believed))
+
+    def _factor(self, row: int) -> gtsam.BetweenFactorPose3:
+        sets, _ = closure_sets([self._closures[row]], self._odometry, self._settings.noise)
+        return closure_factors(sets, self._keys)[0]
+
+    def _chi_square(self, row: int) -> float:
+        factor, values = self._factor(row), gtsam.Values()
+        for key in factor.keys():  # noqa: SIM118 - a factor is no dictionary
+            values.insert(key, self._isam.calculateEstimatePose3(key))
+        return 2.0 * float(factor.error(values))
+
+    def _connected(self, rows: set[int]) -> set[frozenset[str]]:
+        """Groups of robots that these closures connect."""
+        links: nx.Graph[str] = nx.Graph()
+        links.add_nodes_from(self._odometry)
+        links.add_edges_from((self._closures[row].query.robot, self._closures[row].match.robot) for row in rows)
+        return {frozenset(group) for group in nx.connected_components(links)}

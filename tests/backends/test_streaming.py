@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.config import PcmSettings, PoseGraphSettings
+from wiclosure.backends.pcm import pairwise_consistent
+from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.streaming import StreamingBackEnd
+from wiclosure.types import Decision
+
+ROBOTS = ("alpha", "beta", "gamma")
+
+
+def random_closures(team, n, rng, a="alpha", b="beta", *, limit=60):
+    return [team.closure((a, int(i)), (b, int(j)), noise=rng) for i, j in rng.integers(0, limit, (n, 2))]
+
+
+def false_closures(team, n, rng, a="alpha", b="beta"):
+    return [team.false_closure((a, int(i)), (b, int(j)), rng) for i, j in rng.integers(0, 60, (n, 2))]
+
+
+def decisions(result):
+    return [c.decision for c in result.closures]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_closure_by_closure_comes_to_the_batch_estimate(team_maker, seed):
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    closures = random_closures(team, 12, rng) + random_closures(team, 12, rng, "beta", "gamma")
+    closures += false_closures(team, 6, rng) + random_closures(team, 4, rng, "gamma", "gamma")
+    closures = [closures[n] for n in rng.permutation(len(closures))]
+    stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
+    for closure in closures:
+        stream.add([closure])
+    checked = pairwise_consistent(closures, team.odometry, PcmSettings())
+    batch = optimise(team.odometry, checked.closures, PoseGraphSettings())
+    assert decisions(stream.result()) == decisions(batch)
+    for robot in batch.components[0]:
+        np.testing.assert_allclose(stream.poses(robot), batch.trajectories[robot].poses, atol=0.02)
+        np.testing.assert_allclose(
+            stream.result().trajectories[robot].poses, batch.trajectories[robot].poses, atol=1e-6
+        )
+
+
+def test_keyframes_may_arrive_between_closures(team_maker):
+    team, rng = team_maker(5, ("alpha", "beta"), noise=1.0), np.random.default_rng(5)
+    until = [{r: t.subset(np.arange(n)) for r, t in team.odometry.items()} for n in (20, 40, 60)]
+    parts = [random_closures(team, 6, rng, limit=n) for n in (20, 40, 60)]
+    stream = StreamingBackEnd(until[0], PcmSettings(), PoseGraphSettings())
+    for odometry, closures in zip(until, parts, strict=True):
+        stream.extend(odometry)
+        for closure in closures:
+            stream.add([closure])
+    closures = [closure for part in parts for closure in part]
+    checked = pairwise_consistent(closures, team.odometry, PcmSettings())
+    batch = optimise(team.odometry, checked.closures, PoseGraphSettings())
+    for robot in team.odometry:
+        np.testing.assert_allclose(stream.poses(robot), batch.trajectories[robot].poses, atol=0.02)
+
+
+def test_an_early_mistake_heals(team_maker):
+    """Three false closures that agree come first; the true ones outvote them later."""
+    team, rng = team_maker(6, ("alpha", "beta"), noise=1.0), np.random.default_rng(6)
+    mirror = se3.from_yaw(0.5, np.array([30.0, 0.0, 0.0]))
+    poses = team.truth["alpha"].poses, mirror @ team.truth["beta"].poses
+    false = [
+        replace(team.closure(("alpha", i), ("beta", j)), T_query_match=se3.between(poses[0][i], poses[1][j]))
+        for i, j in ((5, 50), (30, 30), (50, 5))
+    ]
+    stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
+    stream.add(false)
+    assert decisions(stream.result()) == [Decision.ACCEPTED] * 3
+    for closure in random_closures(team, 10, rng):
+        stream.add([closure])
+    assert decisions(stream.result())[:3] == [Decision.REJECTED] * 3
+    truth = se3.inverse(team.truth["alpha"].poses[0]) @ team.truth["beta"].poses
+    assert np.linalg.norm(stream.poses("beta")[:, :3, 3] - truth[:, :3, 3], axis=1).max() < 1.5
+
+
+def test_a_late_false_closure_does_no_harm(team_maker):
+    team, rng = team_maker(7, ("alpha", "beta"), noise=1.0), np.random.default_rng(7)
+    stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
+    stream.add(random_closures(team, 10, rng))
+    before = stream.poses("beta")
+    for closure in false_closures(team, 5, rng):
+        stream.add([closure])
+    np.testing.assert_allclose(stream.poses("beta"), before, atol=1e-6)
+
+
+def test_without_pcm_the_estimate_alone_switches_false_closures_off(team_maker):
+    team, rng = team_maker(8, ("alpha", "beta"), noise=1.0), np.random.default_rng(8)
+    stream = StreamingBackEnd(team.odometry, PcmSettings(enabled=False), PoseGraphSettings())
+    stream.add(random_closures(team, 10, rng))
+    before = stream.poses("beta")
+    for closure in false_closures(team, 3, rng):
+        stream.add([closure])
+    assert np.abs(stream.poses("beta") - before).max() < 0.05
