@@ -86,15 +86,15 @@ class StreamingBackEnd:
             return
         self._doubted &= believed
         wanted = believed - self._doubted
-        self._update(wanted - self._slots.keys(), self._slots.keys() - wanted)
+        new = wanted - self._slots.keys()
+        self._update(new, self._slots.keys() - wanted)
         if self._settings.robust != "none":
-            self._doubt(believed)
+            self._doubt(new)
 
-    def _doubt(self, believed: set[int]) -> None:
+    def _doubt(self, new: set[int]) -> None:
         """Switches off new closures that the estimate contradicts, and on those that it no longer does."""
         limit = chi_square_limit(self._settings.probability) * self._settings.sigma_scale**2
-        recent = {row for row in believed if row >= len(self._closures) - 1}
-        off = {row for row in (recent & self._slots.keys()) if self._chi_square(row) >= limit}
+        off = {row for row in new if self._chi_square(row) >= limit}
         on = {row for row in self._doubted if self._chi_square(row) < limit}
         self._doubted = (self._doubted - on) | off
         self._update(on, off)
@@ -141,5 +141,6 @@ class StreamingBackEnd:
         """Groups of robots that these closures connect."""
         links: nx.Graph[str] = nx.Graph()
         links.add_nodes_from(self._odometry)
-        links.add_edges_from((self._closures[row].query.robot, self._closures[row].match.robot) for row in rows)
+        closures = (self._closures[row] for row in rows)
+        links.add_edges_from({(closure.query.robot, closure.match.robot) for closure in closures})
         return {frozenset(group) for group in nx.connected_components(links)}

@@ -87,7 +87,7 @@ def _town_steps(rng: np.random.Generator, poses: int, crossing: FloatArray) -> F
     """A metre a step, and at each crossing straight on, left or right, but not out of the town."""
     tangents = np.zeros((poses - 1, 6))
     tangents[:, 3] = 1.0
-    reach = max(1.0, np.sqrt(poses) / 30)  # crossings from the centre: streets are driven a few times
+    reach = max(1.0, np.sqrt(poses) / 15)  # crossings from the centre: four such robots drive every street thrice
     along, crossing = np.array([1.0, 0.0]), crossing.copy()
     for row in range(BLOCK_M - 1, poses - 1, BLOCK_M):
         crossing = crossing + along
