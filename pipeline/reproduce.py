@@ -171,7 +171,7 @@ def report(experiment: Experiment, comparison: Comparison) -> str:
         " robots and machine: compare its totals with each other.",
         markdown(*table(experiment, comparison)),
         "*Closing time* is search (filter and scan context), verification and optimisation. The oracle knows the true"
-        " poses: no filter can do better. Odometry alone: each robot aligned on its own, what drift leaves.",
+        " poses: a perfect filter. Odometry alone: each robot aligned on its own, what drift leaves.",
         "## What fails\n\nA run fails where its robots are not all connected, or its ATE is more than"
         f" {FAILURE_DRIFTS:g} times that of odometry alone plus {FAILURE_M:g} m.",
         _list(verdicts(comparison)),
