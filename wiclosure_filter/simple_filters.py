@@ -28,8 +28,8 @@ from wiclosure.wiclosure_filter.config import OracleSettings, RandomSettings, Ra
 from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs, from_codes
 
 TRUTH_COVARIANCE = np.diag(np.square([0.018, 0.018, 0.018, 0.42, 0.42, 0.42]))
-"""Of a relative pose by ground truth, which recorded is good to a metre and some degrees: a measurement 2 m or 5 degrees
-off contradicts it (99.9 %), which is what the evaluation calls false."""
+"""Of a relative pose by ground truth, which recorded is good to a metre and some degrees: a measurement 2 m or 5
+degrees off contradicts it (99.9 %), which is what the evaluation calls false."""
 
 MISFIT = 0.3
 """Share of the motion up to which truth and odometry count as alike: drift stays below, other axes do not."""
