@@ -135,3 +135,8 @@ class MapSettings(Settings):
     """The merged map."""
 
     voxel_size_m: float = Field(0.2, gt=0, description="m; one point a voxel: fine enough for poles and kerbs")
+    occupancy_cell_m: float = Field(
+        0.25, gt=0, description="m a pixel of the occupancy image; wider where it would be huge"
+    )
+    obstacle_min_m: float = Field(0.3, gt=0, description="m above the ground around from which points are obstacles")
+    obstacle_max_m: float = Field(2.0, gt=0, description="m above the ground from which robots drive below them")

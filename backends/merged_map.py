@@ -1,16 +1,23 @@
-"""The merged map: the keyframes' clouds in one frame, one point a voxel, coloured by robot."""
+"""The merged map: the keyframes' clouds in one frame, one point a voxel, coloured by robot.
+
+Voxels are gathered by tiles of ground.  When too many are in memory, all tiles go to a temporary folder, and come back
+one at a time when the map is finished: memory is bounded by one tile and by the finished points, 15 bytes each.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.backends.config import MapSettings
-from wiclosure.errors import InputError, OutputError
+from wiclosure.errors import InputError
 from wiclosure.types import Float32Array, FloatArray
 
 # Okabe and Ito's palette: told apart with every kind of colour vision.
@@ -18,9 +25,11 @@ ROBOT_COLOURS = np.array(
     [(0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0), (240, 228, 66)],
     dtype=np.uint8,
 )
-PENDING_POINTS = 2_000_000  # points gathered before they are merged into voxels: some 100 MB
+VOXELS_IN_MEMORY = 2_000_000  # some 130 MB
+TILE_BITS = 9  # a tile is 512 voxels wide: 100 m at 0.2 m
 AXIS_BITS = 21  # three voxel coordinates in one int64: 200 km each way at 0.2 m
-PLY_VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
+TILE_SHIFT = 2 * TILE_BITS + AXIS_BITS
+Keys: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +49,7 @@ class MergedMap:
 
 
 def merge_maps(clouds: Iterable[tuple[int, FloatArray, Float32Array]], settings: MapSettings) -> MergedMap:
-    """Merges clouds one after the other; memory grows with the map's voxels, not with the points.
+    """Merges clouds one after the other; sums of voxels are kept by tiles, on disk if there are too many.
 
     Args:
         clouds: the robot's number (its colour), `T_world_body (4, 4)` and points `(N, 3)` in the body's axes.
@@ -49,65 +58,62 @@ def merge_maps(clouds: Iterable[tuple[int, FloatArray, Float32Array]], settings:
     Raises:
         InputError: the map is too wide for its voxels.
     """
-    voxels = _Voxels(settings.voxel_size_m)
-    for robot, T_world_body, points in clouds:
-        voxels.add(robot, T_world_body, points)
-    return voxels.merged()
+    with TemporaryDirectory(prefix="wiclosure-map-") as folder:
+        tiles = _Tiles(settings.voxel_size_m, Path(folder))
+        for robot, T_world_body, points in clouds:
+            tiles.add(robot, T_world_body, points)
+        return tiles.merged()
 
 
-def write_ply(merged: MergedMap, path: Path) -> None:
-    """Writes a binary PLY, float32 points with colours.
+class _Tiles:
+    """Sums of positions and colours by voxel; a tile's parts are added up when there are many, or at the end."""
 
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(merged)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
-    )
-    vertices = np.empty(len(merged), PLY_VERTEX)
-    vertices["xyz"], vertices["rgb"] = merged.points, merged.colours
-    try:
-        with path.open("wb") as file:
-            file.write(header.encode("ascii"))
-            file.write(vertices.tobytes())
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
-
-
-class _Voxels:
-    """Sums of positions and colours by voxel, sorted by voxel; new points wait until they are worth a merge."""
-
-    def __init__(self, size_m: float) -> None:
+    def __init__(self, size_m: float, folder: Path) -> None:
         self.size_m = size_m
-        self.keys = np.zeros(0, np.int64)
-        self.sums = np.zeros((0, 7))  # x, y, z, red, green, blue, count
-        self.pending: list[tuple[NDArray[np.int64], FloatArray]] = []
-        self.pending_points = 0
+        self.folder = folder
+        self.parts: dict[int, list[tuple[Keys, FloatArray]]] = {}
+        self.in_memory = 0
 
     def add(self, robot: int, T_world_body: FloatArray, points: Float32Array) -> None:
         world = points[np.isfinite(points).all(axis=1)].astype(float) @ T_world_body[:3, :3].T + T_world_body[:3, 3]
-        rows = np.empty((len(world), 7))
+        rows = np.empty((len(world), 7))  # x, y, z, red, green, blue, count
         rows[:, :3], rows[:, 3:6], rows[:, 6] = world, ROBOT_COLOURS[robot % len(ROBOT_COLOURS)], 1.0
         # One cloud is thinned at once: what waits is then a few thousand voxels, not a hundred thousand points.
-        self.pending.append(_summed(self._keys(world), rows))
-        self.pending_points += len(self.pending[-1][0])
-        if self.pending_points > PENDING_POINTS:
-            self._merge()
+        keys, rows = _summed(self._keys(world), rows)
+        starts = np.flatnonzero(np.diff(keys >> TILE_SHIFT, prepend=-1))
+        for first, last in pairwise([*starts.tolist(), len(keys)]):
+            tile = int(keys[first] >> TILE_SHIFT)
+            self.parts.setdefault(tile, []).append((keys[first:last], rows[first:last]))
+        self.in_memory += len(keys)
+        if self.in_memory > VOXELS_IN_MEMORY:
+            self._make_room()
 
     def merged(self) -> MergedMap:
-        self._merge()
-        mean = self.sums[:, :6] / self.sums[:, 6:]
-        return MergedMap(mean[:, :3].astype(np.float32), mean[:, 3:].round().astype(np.uint8))
+        """All tiles, each in memory alone, in a fixed order."""
+        on_disk = {int(path.name.split("-")[0]) for path in self.folder.iterdir()}
+        points, colours = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.uint8)]
+        for tile in sorted(self.parts.keys() | on_disk):
+            spilt = [np.load(path) for path in sorted(self.folder.glob(f"{tile}-*.npz"))]
+            parts = [(part["keys"], part["sums"]) for part in spilt] + self.parts.pop(tile, [])
+            _, sums = _added_up(parts)
+            mean = sums[:, :6] / sums[:, 6:]
+            points.append(mean[:, :3].astype(np.float32))
+            colours.append(mean[:, 3:].round().astype(np.uint8))
+        return MergedMap(np.concatenate(points), np.concatenate(colours))
 
-    def _merge(self) -> None:
-        keys = [self.keys, *(k for k, _ in self.pending)]
-        sums = [self.sums, *(s for _, s in self.pending)]
-        self.keys, self.sums = _summed(np.concatenate(keys), np.concatenate(sums))
-        self.pending, self.pending_points = [], 0
+    def _make_room(self) -> None:
+        """Adds up what lies in the same voxels; if that does not halve it, everything goes to disk."""
+        self.parts = {tile: [_added_up(parts)] for tile, parts in self.parts.items()}
+        self.in_memory = sum(len(keys) for ((keys, _),) in self.parts.values())
+        if self.in_memory <= VOXELS_IN_MEMORY // 2:
+            return
+        number = len(list(self.folder.iterdir()))
+        for tile, ((keys, sums),) in self.parts.items():
+            np.savez(self.folder / f"{tile}-{number:09d}.npz", keys=keys, sums=sums)
+        self.parts, self.in_memory = {}, 0
 
-    def _keys(self, world: FloatArray) -> NDArray[np.int64]:
+    def _keys(self, world: FloatArray) -> Keys:
+        """Tile, then the place in it: the high bits of x and y, then their low bits and z."""
         limit = 1 << (AXIS_BITS - 1)
         cell = np.floor(world / self.size_m)
         if len(cell) and np.abs(cell).max() >= limit:
@@ -116,10 +122,17 @@ class _Voxels:
                 " set map.voxel_size_m higher, or check the trajectories"
             )
         x, y, z = (cell.astype(np.int64) + limit).T
-        return np.asarray((x << (2 * AXIS_BITS)) | (y << AXIS_BITS) | z)
+        inside = (1 << TILE_BITS) - 1
+        tile = ((x >> TILE_BITS) << (AXIS_BITS - TILE_BITS)) | (y >> TILE_BITS)
+        place = ((x & inside) << TILE_BITS) | (y & inside)
+        return np.asarray((tile << TILE_SHIFT) | (place << AXIS_BITS) | z)
 
 
-def _summed(keys: NDArray[np.int64], rows: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def _added_up(parts: Sequence[tuple[Keys, FloatArray]]) -> tuple[Keys, FloatArray]:
+    return _summed(np.concatenate([keys for keys, _ in parts]), np.concatenate([sums for _, sums in parts]))
+
+
+def _summed(keys: Keys, rows: FloatArray) -> tuple[Keys, FloatArray]:
     """Rows of equal keys added up, sorted by key."""
     if len(keys) == 0:
         return keys, rows

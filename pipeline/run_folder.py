@@ -8,7 +8,8 @@ from pathlib import Path
 import yaml
 
 from wiclosure.backends.g2o_writer import write_g2o
-from wiclosure.backends.merged_map import write_ply
+from wiclosure.backends.map_writers import write_pcd, write_ply
+from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.kitti_poses import write_kitti_poses
@@ -36,6 +37,8 @@ def write_run(folder: Path, result: RunResult) -> None:
     write_closures(folder / "closures.csv", result.solution.closures, keyframes)
     write_g2o(result.solution.graph, folder / "graph.g2o")
     write_ply(result.merged_map, folder / "map.ply")
+    write_pcd(result.merged_map, folder / "map.pcd")
+    write_occupancy(occupancy(result.merged_map, result.config.map), folder)
 
 
 def write_json(path: Path, content: object) -> None:
