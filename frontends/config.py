@@ -63,8 +63,16 @@ class MatchingSettings(Settings):
     ring_key: Literal["mean-height", "occupied-share"] = Field(
         "mean-height", description="what of a ring is searched by (paper and DiSCo-SLAM: occupied-share)"
     )
-    ring_key_neighbours: int = Field(50, ge=1, description="candidates a keyframe with the most similar ring keys")
+    ring_key_neighbours: int | None = Field(
+        50, ge=1, description="candidates a keyframe with the most similar ring keys; none: every pair is compared"
+    )
     candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
+    suppression: int = Field(
+        0, ge=0, description="keyframes along both ways within which only the best pair is proposed; 0: all are"
+    )
+    budget: int | None = Field(
+        None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the ways"
+    )
     max_distance: float = Field(
         0.4, gt=0, le=1, description="scan context distance; on a street 0.2 for scans 1 m apart, 0.4 for 5 m, else 0.5"
     )
@@ -130,6 +138,20 @@ class RegistrationSettings(Settings):
         1, ge=1, description="of one registration; more than one waste time wherever something else wants the cores"
     )
     cached_clouds: int = Field(64, ge=2, description="prepared keyframes kept at hand, some 5 MB each")
+
+
+class RevisitSettings(Settings):
+    """Closures within one robot's own trajectory."""
+
+    enabled: bool = Field(False, description="whether they are looked for")
+    min_travel_m: float = Field(30.0, gt=0, description="m of way between two visits; less is no loop worth closing")
+    radius_m: float = Field(10.0, gt=0, description="m within which two visits can be registered")
+    gate_probability: float = Field(
+        0.99,
+        gt=0,
+        lt=1,
+        description="pairs that are farther apart by odometry, by this quantile of its drift, are none",
+    )
 
 
 class FrontEndSettings(Settings):

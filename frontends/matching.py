@@ -41,7 +41,9 @@ class MatchResult:
         closures: proposed, sorted by query (a keyframe of robot_a), then match (of robot_b).
         pairs_in: candidate pairs given.
         pairs_compared: pairs whose ring keys were near enough to compare descriptors.
-        pairs_alike: compared pairs under the distance threshold; the best of each keyframe are proposed.
+        pairs_alike: compared pairs under the distance threshold.
+        pairs_best: of them, the best of each keyframe.
+        pairs_suppressed: of these, left out beside a better one of the same place.
         seconds: wall time.
     """
 
@@ -49,6 +51,8 @@ class MatchResult:
     pairs_in: int
     pairs_compared: int
     pairs_alike: int
+    pairs_best: int
+    pairs_suppressed: int
     seconds: float
 
 
@@ -79,9 +83,44 @@ def match(
     limit = settings.max_distance if pairs.predictor is None else settings.max_distance_with_prediction
     alike = np.flatnonzero(distance <= limit)
     cost = distance[alike] + _remoteness(pairs, near[alike])
-    best = alike[_best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)]
-    closures = _propose(pairs, near[best], distance[best], yaw[best])
-    return MatchResult(closures, len(pairs), len(near), len(alike), time.perf_counter() - started)
+    best = _best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)
+    spread = best[spread_out(a[alike[best]], b[alike[best]], cost[best], settings.suppression, settings.budget)]
+    rows = alike[spread]
+    closures = _propose(pairs, near[rows], distance[rows], yaw[rows])
+    return MatchResult(
+        closures,
+        pairs_in=len(pairs),
+        pairs_compared=len(near),
+        pairs_alike=len(alike),
+        pairs_best=len(best),
+        pairs_suppressed=len(best) - len(spread),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def spread_out(index_a: IntArray, index_b: IntArray, cost: FloatArray, width: int, budget: int | None) -> IntArray:
+    """Rows, in order, of pairs that are the best within `width` keyframes of both ways (non-maximum suppression).
+
+    One place where two ways run side by side is a diagonal of pairs that all say the same.  Where more than `budget`
+    remain, the width is doubled until they fit, so that what is left is spread over all places.
+    """
+    while True:
+        kept = _suppressed(index_a, index_b, cost, width) if width else np.arange(len(cost))
+        if budget is None or len(kept) <= budget or width > max(np.ptp(index_a), np.ptp(index_b)):
+            return np.sort(kept if budget is None else kept[np.argsort(cost[kept], kind="stable")][:budget])
+        width = max(1, 2 * width)
+
+
+def _suppressed(index_a: IntArray, index_b: IntArray, cost: FloatArray, width: int) -> IntArray:
+    """Greedily the cheapest pair, without those near it, and so on: one round for each pair kept."""
+    left = np.argsort(cost, kind="stable")
+    kept = []
+    while len(left):
+        first = left[0]
+        kept.append(int(first))
+        apart = np.maximum(np.abs(index_a[left] - index_a[first]), np.abs(index_b[left] - index_b[first]))
+        left = left[apart > width]
+    return np.array(kept, np.int64)
 
 
 def _check(pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array) -> None:
@@ -101,7 +140,9 @@ def _check(pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Fl
 def _nearest_by_ring_key(
     pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array, settings: MatchingSettings
 ) -> IntArray:
-    """Rows of the pairs that are among the nearest ring keys of either keyframe."""
+    """Rows of the pairs that are among the nearest ring keys of either keyframe; all, where none are searched."""
+    if settings.ring_key_neighbours is None:
+        return np.arange(len(pairs))
     keys_a, keys_b = (ring_keys(d, settings.ring_key) for d in (descriptors_a, descriptors_b))
     distance = np.empty(len(pairs))
     for start in range(0, len(pairs), _PAIRS_AT_ONCE):

@@ -24,6 +24,7 @@ from wiclosure.frontends.config import (
     MatchingSettings,
     OdometrySettings,
     RegistrationSettings,
+    RevisitSettings,
     ScanContextSettings,
 )
 from wiclosure.pipeline.evaluation import EvaluationSettings
@@ -44,6 +45,7 @@ class Config(Settings):
     use_filter: str = Field("wiclosure", description="candidate filter: wiclosure, none, range-gate, oracle, random")
     filter: FilterSettings = FilterSettings()
     matching: MatchingSettings = MatchingSettings()
+    revisits: RevisitSettings = RevisitSettings()
     registration: RegistrationSettings = RegistrationSettings()
     pcm: PcmSettings = PcmSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()

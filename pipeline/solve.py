@@ -16,6 +16,7 @@ from wiclosure.backends.pose_graph import GraphResult, optimise
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.revisits import revisits
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.progress import Progress
@@ -100,12 +101,14 @@ def solve(
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
 
     filtered = candidate_filter.candidates(keyframes, wireless)
+    own = [revisits(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
+    candidates = (*filtered.pairs, *own)
     matched = tuple(
         match(pairs, fronts[pairs.robot_a].descriptors, fronts[pairs.robot_b].descriptors, config.matching)
-        for pairs in filtered.pairs
+        for pairs in candidates
     )
     began = time.perf_counter()
-    verified, verification_s = _verify(filtered.pairs, matched, fronts, memory, progress)
+    verified, verification_s = _verify(candidates, matched, fronts, memory, progress)
     verification_spent_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
@@ -165,7 +168,7 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
     trajectories = sum(len(fronts[b].keyframes) * BYTES_PER_POSE for b in predicted)
     described = {(p.robot_a, p.robot_b): np.unique(p.index_b) for p in filtered.pairs}
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
-    sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures}
+    sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures if c.query.robot != c.match.robot}
     return trajectories + int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import MatchingSettings
-from wiclosure.frontends.matching import match
+from wiclosure.frontends.matching import match, spread_out
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
 from wiclosure.types import CandidatePairs, Decision, Float32Array, FloatArray, IntArray
 
@@ -123,3 +123,39 @@ def test_descriptors_of_other_settings_are_refused() -> None:
         match(all_pairs(3, 4), descriptors(3, 0), descriptors(4, 0)[:, :4], MatchingSettings())
     with pytest.raises(InputError, match="keyframe 3 of beta, which has 2"):
         match(all_pairs(3, 4), descriptors(3, 0), descriptors(2, 0), MatchingSettings())
+
+
+def test_every_pair_is_compared_where_no_ring_keys_are_searched() -> None:
+    result = match(all_pairs(9, 7), descriptors(9, 0), descriptors(7, 1), MatchingSettings(ring_key_neighbours=None))
+    assert result.pairs_compared == 63
+
+
+@given(seed=st.integers(0, 500), count=st.integers(0, 60), width=st.integers(1, 6))
+@settings(max_examples=40, deadline=None)
+def test_of_pairs_near_each_other_the_best_stays(seed: int, count: int, width: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b, cost = rng.integers(0, 20, count), rng.integers(0, 20, count), rng.random(count)
+    kept = spread_out(a, b, cost, width, None)
+    apart = np.maximum(np.abs(a[:, None] - a[kept]), np.abs(b[:, None] - b[kept]))
+    # What is left out lies near something cheaper that stayed; what stayed lies apart.
+    near_better = ((apart <= width) & (cost[kept] <= cost[:, None])).any(axis=1)
+    assert near_better.all()
+    assert (apart[kept][~np.eye(len(kept), dtype=bool)] > width).all()
+
+
+def test_a_budget_spreads_what_is_proposed_over_all_places() -> None:
+    # Two places: a long one with the best scores, and a short one.
+    a = np.concatenate([np.arange(100), np.arange(300, 310)])
+    cost = np.concatenate([np.linspace(0, 0.1, 100), np.linspace(0.2, 0.3, 10)])
+    kept = spread_out(a, a, cost, 0, 12)
+    assert len(kept) <= 12
+    assert (a[kept] >= 300).any()
+    np.testing.assert_array_equal(kept, np.sort(kept))
+    assert len(spread_out(a, a, cost, 0, None)) == 110
+
+
+def test_one_place_gives_few_closures_when_told_so() -> None:
+    same = descriptors(12, 0)
+    result = match(all_pairs(12, 12), same, same, MatchingSettings(suppression=3, max_distance=0.05))
+    assert len(result.closures) == 3
+    assert (result.pairs_best, result.pairs_suppressed) == (12, 9)
