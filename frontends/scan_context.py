@@ -7,6 +7,9 @@ its columns, so two descriptors are compared at every shift.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal, Self
 
@@ -26,6 +29,7 @@ _ARCTAN = _ARCTAN.astype(np.float32)
 
 # Pairs are compared in rectangles of so many keyframes: large enough for matrix products, small enough for caches.
 _QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 250
+_MOST_THREADS = 8  # beyond, memory is what they wait for
 
 
 def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -> Float32Array:
@@ -122,19 +126,26 @@ def compare(
     pairs as long as neighbouring queries are paired with much the same matches; memory is bounded.
     """
     distance, shift = np.zeros(len(index_query)), np.zeros(len(index_query), np.int64)
-    comparison = _Comparison(query, match)
     order = np.argsort(index_query, kind="stable")
-    queries, first = np.unique(index_query[order], return_index=True)
-    for band in range(0, len(queries), _QUERIES_AT_ONCE):
-        rows = queries[band : band + _QUERIES_AT_ONCE]
-        pairs = order[first[band] : (first[band + len(rows)] if band + len(rows) < len(first) else None)]
-        columns, at = np.unique(index_match[pairs], return_inverse=True)
-        for start in range(0, len(columns), _MATCHES_AT_ONCE):
-            inside = (at >= start) & (at < start + _MATCHES_AT_ONCE)
-            chosen = pairs[inside]
-            similarity, turn = comparison.best(rows, columns[start : start + _MATCHES_AT_ONCE])
-            cell = np.searchsorted(rows, index_query[chosen]), at[inside] - start
-            distance[chosen], shift[chosen] = 1.0 - similarity[cell], turn[cell]
+    _, first = np.unique(index_query[order], return_index=True)
+    bands = np.split(order, first[_QUERIES_AT_ONCE::_QUERIES_AT_ONCE])
+
+    def score(share: Sequence[IntArray]) -> None:
+        """Some of the bands: pairs of neighbouring queries."""
+        comparison = _Comparison(query, match)
+        for pairs in share:
+            rows, columns = np.unique(index_query[pairs]), np.unique(index_match[pairs])
+            row, column = np.searchsorted(rows, index_query[pairs]), np.searchsorted(columns, index_match[pairs])
+            for start in range(0, len(columns), _MATCHES_AT_ONCE):
+                similarity, turn = comparison.best(rows, columns[start : start + _MATCHES_AT_ONCE])
+                inside = (column >= start) & (column < start + _MATCHES_AT_ONCE)
+                cell = row[inside], column[inside] - start
+                distance[pairs[inside]], shift[pairs[inside]] = 1.0 - similarity[cell], turn[cell]
+
+    # NumPy leaves other threads their turn; each pair is scored alone, so that the result is the same for any number.
+    threads = min(os.cpu_count() or 1, _MOST_THREADS, len(bands))
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(score, (bands[k::threads] for k in range(threads))))
     turned = shift / query.sectors
     return np.clip(distance, 0.0, 1.0), 2 * np.pi * np.where(turned > 0.5, turned - 1.0, turned)
 
