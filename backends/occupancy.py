@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import distance_transform_edt, median_filter
 
 from wiclosure.backends.config import MapSettings
 from wiclosure.backends.merged_map import MergedMap
@@ -15,7 +15,9 @@ from wiclosure.errors import OutputError
 from wiclosure.types import FloatArray
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254  # the grey values that map_saver writes
-GROUND_WITHIN_M = 2.0  # ground is the lowest point so near: seen beside every obstacle but the widest
+GROUND_SQUARE = 4  # pixels on a side in which one height is the ground's: a tenth of a metre off on a slope of 10 %
+GROUND_QUANTILE = 0.1
+SQUARES_AROUND = 5  # on a side: ground is seen beside every obstacle but the widest
 VOXELS_OF_OBSTACLE = 2  # one alone is mostly a stray point
 MAX_CELLS = 25_000_000  # 5 x 5 km at 1 m
 
@@ -36,7 +38,7 @@ class OccupancyGrid:
 
 
 def occupancy(merged: MergedMap, settings: MapSettings) -> OccupancyGrid:
-    """Obstacles, free ground and the rest, by height above the lowest point around."""
+    """Obstacles, free ground and the rest, by height above the ground around."""
     if len(merged) == 0:
         return OccupancyGrid(np.full((1, 1), UNKNOWN, np.uint8), settings.occupancy_cell_m, np.zeros(2))
     xy, z = merged.points[:, :2].astype(float), merged.points[:, 2].astype(float)
@@ -47,17 +49,33 @@ def occupancy(merged: MergedMap, settings: MapSettings) -> OccupancyGrid:
     origin = np.floor(low / cell_m) * cell_m
     columns, rows = (np.floor((xy - origin) / cell_m).astype(np.int64)).T
     shape = (int(rows.max()) + 1, int(columns.max()) + 1)
-    lowest = np.full(shape, np.inf)
-    np.minimum.at(lowest, (rows, columns), z)
-    ground = minimum_filter(lowest, size=1 + 2 * round(GROUND_WITHIN_M / cell_m), mode="nearest")
-    height = z - ground[rows, columns]
+    height = z - _ground((xy - origin) / (GROUND_SQUARE * cell_m), z)
     obstacle = (height >= settings.obstacle_min_m) & (height <= settings.obstacle_max_m)
     hits = np.zeros(shape, np.int32)
     np.add.at(hits, (rows[obstacle], columns[obstacle]), 1)
     pixels = np.full(shape, UNKNOWN, np.uint8)
-    pixels[lowest < ground + settings.obstacle_min_m] = FREE
+    low = height < settings.obstacle_min_m
+    pixels[rows[low], columns[low]] = FREE
     pixels[hits >= VOXELS_OF_OBSTACLE] = OCCUPIED
     return OccupancyGrid(pixels[::-1], cell_m, origin)
+
+
+def _ground(xy: FloatArray, z: FloatArray) -> FloatArray:
+    """Height of the ground at each point `(N,)`, given in squares: a low point of its square, not far from that of the squares around.
+
+    The lowest point itself is often below the ground: an echo's, or that of a pass that drift has put lower.
+    """
+    square = np.floor(xy).astype(np.int64)
+    shape = tuple(square.max(axis=0) + 1)
+    number = np.ravel_multi_index(tuple(square.T), shape)
+    order = np.lexsort((z, number))
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    count = np.diff(first, append=len(z))
+    low = z[order][first + (GROUND_QUANTILE * count).astype(np.int64)]
+    seen, heights = np.zeros(shape, bool), np.zeros(shape)
+    seen.flat[number[order][first]], heights.flat[number[order][first]] = True, low
+    nearest = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    return np.asarray(median_filter(heights[tuple(nearest)], size=SQUARES_AROUND)[tuple(square.T)])
 
 
 def write_occupancy(grid: OccupancyGrid, folder: Path) -> None:
