@@ -103,7 +103,9 @@ class KissOdometry:
             KISSConfig(
                 data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
                 mapping=MappingConfig(voxel_size=self.voxel_size_m),
-                registration=RegistrationConfig(max_num_threads=settings.num_threads),
+                registration=RegistrationConfig(
+                    max_num_threads=settings.num_threads, convergence_criterion=settings.convergence
+                ),
             )
         )
         kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
