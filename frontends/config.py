@@ -22,6 +22,12 @@ class OdometrySettings(Settings):
         None, gt=0, description="m; none: from the extent of the first scan, 1 m on a street, 0.25 m in rooms"
     )
     deskew: bool = Field(True, description="undo the motion during the sweep, where points carry their times")
+    convergence: float = Field(
+        1e-3,
+        gt=0,
+        description="m and rad: registration ends where a step is smaller; KISS-ICP's own 1e-4 takes 1.6 times as long,"
+        " and 70 m of a recorded drive differ by at most 2 cm",
+    )
     num_threads: int = Field(
         1, ge=0, description="0: all cores; more than one make it hardly faster (measured), and not bit-reproducible"
     )
