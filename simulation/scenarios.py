@@ -146,8 +146,8 @@ def _city(choice: Choice) -> Scenario:
 def _kitti08(choice: Choice) -> Scenario:
     if choice.poses is None:
         raise ConfigError(
-            f"scenario {choice.name} builds its streets along a recorded trajectory; name a KITTI poses file with"
-            " --poses FILE"
+            f"scenario {choice.name} builds its streets along a recorded trajectory; name a KITTI poses file:"
+            f" simulate {choice.name} --poses FILE, or scenario:{choice.name},poses=FILE"
         )
     xy_m, yaw_rad = kitti_streets.read_positions(choice.poses)
     scene = kitti_streets.scene(xy_m, choice.rng(), choice.aliasing)
