@@ -16,7 +16,7 @@ from wiclosure.types import FloatArray, Trajectory
 
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
 LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
-STEP_FLOOR = np.diag(np.repeat([0.0005**2, 0.005**2], 3))  # one scan match on the spot: 0.03 degrees, 5 mm
+STEP_FLOOR = np.diag(np.repeat([0.0001**2, 0.001**2], 3))  # a step on the spot, of which the drift model says nothing
 GNC_FACTOR = 1.4  # growth of mu a step, as in the paper
 GNC_FACTOR_SETTLED = 4.0  # where the last step hardly moved the estimate
 GNC_SETTLED = 0.25  # of the residual at which a closure is switched off: what is hardly

@@ -61,9 +61,10 @@ def occupancy(merged: MergedMap, settings: MapSettings) -> OccupancyGrid:
 
 
 def _ground(xy: FloatArray, z: FloatArray) -> FloatArray:
-    """Height of the ground at each point `(N,)`, given in squares: a low point of its square, not far from that of the squares around.
+    """Height of the ground at each point `(N,)`: a low point of its square, made median over the squares around.
 
-    The lowest point itself is often below the ground: an echo's, or that of a pass that drift has put lower.
+    Positions `xy (N, 2)` are in squares.  The lowest point itself is often below the ground: an echo's, or that of a
+    pass that drift has put lower.
     """
     square = np.floor(xy).astype(np.int64)
     shape = tuple(square.max(axis=0) + 1)

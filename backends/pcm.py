@@ -18,7 +18,8 @@ from wiclosure.backends.judgement import PairConsistency, Verdicts, judge
 from wiclosure.max_clique import max_clique
 from wiclosure.types import Closure, Decision, FloatArray, Trajectory
 
-ENLARGED = 1.1  # doubling sigma is right as long as it makes the consistent sets so many times larger
+ENLARGED = 1.1  # doubling sigma is right as long as it makes the consistent sets so many times larger,
+ENLARGED_BY = 3  # and by so many closures: one or two more may be chance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,8 +147,8 @@ class IncrementalPcm:
         united = (
             np.array([sizes for (a, b), sizes in self._sizes.items() if a != b]).reshape(-1, len(levels)).sum(axis=0)
         )
-        gained = [level for level in levels[1:] if united[level] >= ENLARGED * united[level - 1]]
-        return next(level for level in levels if level + 1 not in gained)
+        gains = (united[1:] >= ENLARGED * united[:-1]) & (united[1:] >= united[:-1] + ENLARGED_BY)
+        return int(np.argmin([*gains, False]))
 
     def _of_pair(self, graph: PairGraph, trajectories: Mapping[str, Trajectory]) -> tuple[PairConsistency, Verdicts]:
         alive = graph.alive(self._level)

@@ -290,7 +290,8 @@ def thousand(_: argparse.Namespace) -> None:
         other = _networkx_clique(consistent)
         print(
             f"1,000 closures, {true} true: matrix {matrix_s:.2f} s, clique of {len(clique)} {clique_s:.2f} s, proven"
-            f" {clique.proven}, {cpu_s:.2f} s of the processor (goal 2 s together); double loop {loop_s:.0f} s (from 2,000 pairs), networkx {other}"
+            f" {clique.proven}, {cpu_s:.2f} s of the processor (goal 2 s together); double loop {loop_s:.0f} s"
+            f" (from 2,000 pairs), networkx {other}"
         )
 
 
@@ -393,7 +394,7 @@ def injected(_: argparse.Namespace) -> None:
 
 
 def calibration(arguments: argparse.Namespace) -> None:
-    """Normalised squared errors of poses and of robot-to-robot transforms: 6 in the mean if the covariances are right."""
+    """Normalised squared errors of poses and of robot-to-robot transforms: 6 if covariances are right."""
     poses, transforms = [], []
     for seed in range(arguments.seeds):
         team = simulated(100 + seed, 2, 300, 20)
