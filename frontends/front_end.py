@@ -12,7 +12,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings, ScanContextSettings
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
-from wiclosure.frontends.keyframes import KeyframeSelector, thinned
+from wiclosure.frontends.keyframes import KeyframeSelector, LocalMap, thinned
 from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.recorded_odometry import RecordedOdometry
 from wiclosure.frontends.scan_context import describe
@@ -46,6 +46,7 @@ class OdometryRun:
         self._stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
         self._clouds: list[Float32Array] = []
+        self._last = LocalMap(keyframes)
         self._keyframe_indices: list[int] = []
         self._scans = self._sparse = self._late = self._outside = 0
         self._seconds = 0.0
@@ -102,10 +103,16 @@ class OdometryRun:
         stamp_ns, T_odom_body, points = self._odometry.register(scan)
         self._stamps_ns.append(stamp_ns)
         self._poses.append(T_odom_body)
+        if self._keyframes.scans > 1:
+            self._last.add(T_odom_body, self._odometry.thinned)
         if not self._selector.select(T_odom_body):
             return False
-        voxel_m = self._keyframes.cloud_voxel_size_m
-        self._clouds.append(self._odometry.thinned.astype(np.float32) if voxel_m is None else thinned(points, voxel_m))
+        if self._keyframes.scans > 1:
+            self._clouds.append(self._last.seen_from(T_odom_body, self._odometry.voxel_size_m / 2))
+        elif self._keyframes.cloud_voxel_size_m is None:
+            self._clouds.append(self._odometry.thinned.astype(np.float32))
+        else:
+            self._clouds.append(thinned(points, self._keyframes.cloud_voxel_size_m))
         self._keyframe_indices.append(len(self._poses) - 1)
         return True
 

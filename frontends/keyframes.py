@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import small_gicp
 
@@ -28,6 +30,23 @@ class KeyframeSelector:
         distance_m = float(np.linalg.norm(T_last_body[:3, 3]))
         turn_rad = float(se3.rotation_angle(T_last_body))
         return distance_m >= self._settings.distance_m or turn_rad >= self._settings.rotation_rad
+
+
+class LocalMap:
+    """The last few scans in one frame, for sensors of which one scan shows little."""
+
+    def __init__(self, settings: KeyframeSettings) -> None:
+        self._voxel_m = settings.cloud_voxel_size_m
+        self._scans: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=settings.scans)
+
+    def add(self, T_odom_body: FloatArray, points: FloatArray | Float32Array) -> None:
+        """The next scan: its pose `(4, 4)`, and thinned points `(N, 3)` in its body's axes."""
+        self._scans.append((T_odom_body, np.asarray(points, np.float64)))
+
+    def seen_from(self, T_odom_body: FloatArray, voxel_m: float) -> Float32Array:
+        """All of them in the axes of this pose, `(M, 3)`; thinned to `voxel_m` unless the settings say otherwise."""
+        clouds = [se3.transform(se3.between(T_odom_body, pose), points) for pose, points in self._scans]
+        return thinned(np.concatenate(clouds), self._voxel_m or voxel_m)
 
 
 def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:

@@ -24,13 +24,13 @@ class RecordedOdometry:
     def __init__(self, settings: OdometrySettings, trajectory: Trajectory) -> None:
         self._settings = settings
         self._trajectory = trajectory
-        self._voxel_m = settings.voxel_size_m
+        self.voxel_size_m = settings.voxel_size_m or float("nan")
         self._points = np.zeros((0, 3))
 
     def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
         """Next scan in; stamp_ns of the pose, `T_odom_body (4, 4)`, and deskewed points `(N, 3)` within range."""
-        if self._voxel_m is None:
-            self._voxel_m = voxel_size_m(scan.points)
+        if np.isnan(self.voxel_size_m):
+            self.voxel_size_m = voxel_size_m(scan.points)
         stamp_ns = self.pose_stamp_ns(scan)
         T_odom_body = self._trajectory.at(np.array([stamp_ns]))[0]
         near = self._near(scan.points)
@@ -40,7 +40,7 @@ class RecordedOdometry:
     @property
     def thinned(self) -> Float32Array:
         """The last scan's points, one a voxel as fine as KISS-ICP's map."""
-        return thinned(self._points, (self._voxel_m or 1.0) / 2)
+        return thinned(self._points, self.voxel_size_m / 2)
 
     def pose_stamp_ns(self, scan: Scan) -> int:
         """The instant to which the pose of this scan will belong: its last point's."""

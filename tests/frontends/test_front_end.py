@@ -84,6 +84,22 @@ def test_a_result_carries_robot_and_drift_of_the_run() -> None:
     assert (result.robot, result.keyframes.drift.translation_walk) == ("alpha", 0.07)
 
 
+def test_a_cloud_of_several_scans_shows_what_each_of_them_shows() -> None:
+    def clouds(scans: int) -> list[FloatArray]:
+        settings = FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5, scans=scans))
+        front_end = FrontEnd(settings, "alpha")
+        for k in range(11):
+            points = room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])), seed=k)
+            seen = points[:, 0] > 0 if k % 2 else points[:, 0] < 0  # each scan shows one half
+            front_end.process(Scan(k * 100_000_000, points[seen]))
+        return [np.asarray(cloud, float) for cloud in front_end.result().clouds]
+
+    for alone, together in zip(clouds(1)[1:], clouds(3)[1:], strict=True):
+        half = abs(np.mean(alone[:, 0] > 0.3) - 0.5)
+        whole = abs(np.mean(together[:, 0] > 0.3) - 0.5)
+        assert whole < 0.3 < half
+
+
 @pytest.mark.parametrize("damage", ["cut to 0", "cut to 10", "cut to 500", "a byte turned"])
 def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "alpha.cache"
