@@ -21,6 +21,7 @@ ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])  # g2o has translation first
 LEAST_INFORMATION = 1e-8  # 10 km, 10,000 rad: nothing is known along that axis
 UNIT_TOLERANCE = 1e-3  # quaternions printed with four decimals stay within this of length one
 OWN_COMMENT = re.compile(r"# keyframes of (.+): vertices (\d+) to (\d+)")
+FIGURES = re.compile(r"[0-9.]+")
 Pose = tuple[str, int]
 """Robot and the index that the file gives."""
 
@@ -105,13 +106,22 @@ def read_g2o(paths: Sequence[Path]) -> G2oTeam:
         closures=closures,
         places=places,
         unusable=tuple(unusable),
-        warnings=tuple(files.warnings),
+        warnings=_abridged(files.warnings),
     )
 
 
 def pose_name(robot: str, index: int) -> str:
     """For the user: `a12` for symbols, `alpha 12` else."""
     return f"{robot}{index}" if len(robot) == 1 else f"{robot} {index}"
+
+
+def _abridged(warnings: Sequence[str]) -> tuple[str, ...]:
+    """The first of each kind, and how many more there are: a converter's habit is in every line."""
+    kinds: dict[str, list[str]] = {}
+    for sentence in warnings:
+        kinds.setdefault(FIGURES.sub("", sentence.partition(", line ")[2]), []).append(sentence)
+    more = {kind: f" (and {len(alike) - 1} more like it)" if len(alike) > 1 else "" for kind, alike in kinds.items()}
+    return tuple(alike[0] + more[kind] for kind, alike in kinds.items())
 
 
 # ------------------------------------------------------------------------------------------------------------ parsing

@@ -64,8 +64,12 @@ def merge(paths: Sequence[Path], config: Config) -> Merged:
     """
     began = time.perf_counter()
     team = read_g2o(paths)
-    for sentence in (*team.warnings, *(f"{u.place}: left out, {u.reason}" for u in team.unusable)):
+    for sentence in team.warnings:
         logger.warning("%s", sentence)
+    if team.unusable:
+        first, more = team.unusable[0], len(team.unusable) - 1
+        rest = f" (and {more} more closures, see closures.csv)" if more else ""
+        logger.warning("%s: left out, %s%s", first.place, first.reason, rest)
     pcm = _defaults(config.pcm, noise=STATED_IN_FULL, max_scale=MAX_SCALE)
     consistent = pairwise_consistent(team.closures, team.odometry, pcm)
     settings = _defaults(config.pose_graph, noise=STATED_IN_FULL, sigma_scale=consistent.scale)

@@ -104,6 +104,13 @@ def test_what_can_be_repaired_is_repaired_and_said(read):
         assert part in said
 
 
+def test_a_habit_of_the_writer_is_said_once(read):
+    loose = [edge(A + n, A + n + 1, f"1 0 0 0 0 0 {2 + n}") for n in range(20)]
+    team = read([*(vertex(A + n) for n in range(21)), *loose])
+    assert len(team.warnings) == 1
+    assert "length 2; normalised (and 19 more like it)" in team.warnings[0]
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
