@@ -159,7 +159,7 @@ def draw(drives: dict[str, Views], path: Path) -> None:
     axes.set_xlabel("metres between the two scans")
     axes.set_ylabel("scan context distance: median, 10-90 %")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=8)
     figure.savefig(path, dpi=110)
 
 
