@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -82,10 +82,11 @@ def read_g2o(paths: Sequence[Path]) -> G2oTeam:
 
     GTSAM's symbols name the robots by letters; files that `wiclosure` wrote say whose vertices are whose; plain numbers
     belong to one robot, named after the file.  Edges between consecutive poses of one robot are its odometry, all
-    others are closures.  Poses of vertices only say where a robot starts.
+    others are closures.  Where a robot's odometry is broken, the rest is another robot, `a.1` after `a`.  Poses of
+    vertices only say where a robot starts.
 
     Raises:
-        InputError: a file cannot be read or holds no 3D poses, a line is malformed, or a robot's odometry is broken.
+        InputError: a file cannot be read or holds no 3D poses, or a line is malformed.
     """
     files = _Files()
     for path in paths:
@@ -96,13 +97,15 @@ def read_g2o(paths: Sequence[Path]) -> G2oTeam:
     poses: dict[str, list[int]] = {}
     for robot, index in sorted(files.starts):
         poses.setdefault(robot, []).append(index)
-    position = {(robot, index): n for robot, indices in poses.items() for n, index in enumerate(indices)}
-    odometry, loops = _separated(files, position)
+    rank = {(robot, index): n for robot, indices in poses.items() for n, index in enumerate(indices)}
+    odometry, loops = _separated(files, rank)
+    parts = {part: ends for robot, indices in poses.items() for part, ends in _parts(robot, indices, odometry, files)}
+    position = {end: KeyframeId(part, n) for part, ends in parts.items() for n, end in enumerate(ends)}
     closures, places, unusable = _closures(loops, position, files.warnings)
     return G2oTeam(
-        odometry={robot: _chained(robot, indices, odometry, files) for robot, indices in poses.items()},
-        indices={robot: np.array(indices, np.int64) for robot, indices in poses.items()},
-        keys={r: np.array([files.starts[r, index][0] for index in ns], np.uint64) for r, ns in poses.items()},
+        odometry={part: _chained(part, ends, odometry, files) for part, ends in parts.items()},
+        indices={part: np.array([index for _, index in ends], np.int64) for part, ends in parts.items()},
+        keys={part: np.array([files.starts[end][0] for end in ends], np.uint64) for part, ends in parts.items()},
         closures=closures,
         places=places,
         unusable=tuple(unusable),
@@ -112,14 +115,15 @@ def read_g2o(paths: Sequence[Path]) -> G2oTeam:
 
 def pose_name(robot: str, index: int) -> str:
     """For the user: `a12` for symbols, `alpha 12` else."""
-    return f"{robot}{index}" if len(robot) == 1 else f"{robot} {index}"
+    return f"{robot[0]}{index}" if len(robot) == 1 or robot[1] == "." else f"{robot} {index}"
 
 
 def _abridged(warnings: Sequence[str]) -> tuple[str, ...]:
     """The first of each kind, and how many more there are: a converter's habit is in every line."""
     kinds: dict[str, list[str]] = {}
     for sentence in warnings:
-        kinds.setdefault(FIGURES.sub("", sentence.partition(", line ")[2]), []).append(sentence)
+        of_line = sentence.partition(", line ")[2] or sentence
+        kinds.setdefault(FIGURES.sub("", of_line), []).append(sentence)
     more = {kind: f" (and {len(alike) - 1} more like it)" if len(alike) > 1 else "" for kind, alike in kinds.items()}
     return tuple(alike[0] + more[kind] for kind, alike in kinds.items())
 
@@ -179,12 +183,12 @@ def _add_vertex(pose: Pose, key: int, numbers: FloatArray, place: str, files: _F
 
 
 # ----------------------------------------------------------------------------------------- odometry, closures apart
-def _separated(files: _Files, position: dict[Pose, int]) -> tuple[dict[Pose, _Edge], list[_Edge]]:
+def _separated(files: _Files, rank: dict[Pose, int]) -> tuple[dict[Pose, _Edge], list[_Edge]]:
     """Odometry edges by the pose that they start from, and all other edges."""
     odometry: dict[Pose, _Edge] = {}
     loops = []
     for edge in files.edges:
-        step = position.get(edge.second, -9) - position.get(edge.first, -99)
+        step = rank.get(edge.second, -9) - rank.get(edge.first, -99)
         start = edge.first if step > 0 else edge.second
         if edge.first[0] != edge.second[0] or abs(step) != 1:
             loops.append(edge)
@@ -199,32 +203,42 @@ def _same(one: _Edge, other: _Edge) -> bool:
     return one.first == other.first and np.array_equal(one.numbers, other.numbers)
 
 
-def _chained(robot: str, indices: list[int], odometry: dict[Pose, _Edge], files: _Files) -> Trajectory:
-    steps, covariances = np.zeros((len(indices) - 1, 4, 4)), np.zeros((len(indices) - 1, 6, 6))
-    for n, (index, following) in enumerate(pairwise(indices)):
-        edge = odometry.get((robot, index))
-        if edge is None:
-            raise InputError(
-                f"the odometry of {robot} is broken: no edge between {pose_name(robot, index)} and"
-                f" {pose_name(robot, following)}; add it, or give the part after it another robot's keys"
+def _parts(
+    robot: str, indices: list[int], odometry: dict[Pose, _Edge], files: _Files
+) -> Iterator[tuple[str, list[Pose]]]:
+    """The poses of one robot, cut where its odometry is broken."""
+    breaks = [n for n, index in enumerate(indices[:-1], start=1) if (robot, index) not in odometry]
+    for number, (first, last) in enumerate(pairwise([0, *breaks, len(indices)])):
+        part = f"{robot}.{number}" if number else robot
+        if number:
+            before, after = (pose_name(robot, indices[n]) for n in (first - 1, first))
+            files.warnings.append(
+                f"the odometry of {robot} is broken: none between {before} and {after}; the rest is {part}"
             )
+        yield part, [(robot, index) for index in indices[first:last]]
+
+
+def _chained(robot: str, ends: list[Pose], odometry: dict[Pose, _Edge], files: _Files) -> Trajectory:
+    steps, covariances = np.zeros((len(ends) - 1, 4, 4)), np.zeros((len(ends) - 1, 6, 6))
+    for n, start in enumerate(ends[:-1]):
+        edge = odometry[start]
         if reason := _defect(edge.numbers):
             raise InputError(f"{edge.place}: odometry of {robot}: {reason}; correct the line")
         T, covariance = _measured(edge, files.warnings)
-        if edge.first[1] != index:
+        if edge.first != start:
             T, covariance = se3.inverse(T), se3.inverse_covariance(T, covariance)
         steps[n], covariances[n] = T, covariance
-    poses = [_start(robot, indices[0], files)]
+    poses = [_start(ends[0], files)]
     for step in steps:
         poses.append(poses[-1] @ step)
     stamps_ns = np.arange(len(poses), dtype=np.int64) * 1_000_000_000
     return Trajectory(robot, stamps_ns, _orthonormal(np.stack(poses)), step_covariances=covariances)
 
 
-def _start(robot: str, index: int, files: _Files) -> FloatArray:
-    _, place, numbers = files.starts[robot, index]
+def _start(end: Pose, files: _Files) -> FloatArray:
+    _, place, numbers = files.starts[end]
     if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < UNIT_TOLERANCE:
-        files.warnings.append(f"{place}: {pose_name(robot, index)} is no pose; {robot} starts at the origin instead")
+        files.warnings.append(f"{place}: {pose_name(*end)} is no pose; its robot starts at the origin instead")
         return np.eye(4)
     return _pose(numbers)
 
@@ -235,7 +249,7 @@ def _orthonormal(poses: FloatArray) -> FloatArray:
 
 
 def _closures(
-    loops: Sequence[_Edge], position: dict[Pose, int], warnings: list[str]
+    loops: Sequence[_Edge], position: dict[Pose, KeyframeId], warnings: list[str]
 ) -> tuple[list[Closure], list[str], list[UnusableEdge]]:
     """Each loop once: many writers put those between robots into both robots' files."""
     closures, places, unusable = [], [], []
@@ -252,7 +266,7 @@ def _closures(
         if reason:
             unusable.append(UnusableEdge(pose_name(*edge.first), pose_name(*edge.second), edge.place, reason))
             continue
-        query, match = (KeyframeId(end[0], position[end]) for end in (edge.first, edge.second))
+        query, match = position[edge.first], position[edge.second]
         closures.append(Closure(query, match, *_measured(edge, warnings), Evidence(), Decision.VERIFIED))
         places.append(edge.place)
     return closures, places, unusable

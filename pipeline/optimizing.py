@@ -90,7 +90,7 @@ def write(folder: Path, merged: Merged) -> None:
     """Writes all files into an existing folder."""
     write_g2o(merged.graph, folder / "graph.g2o", merged.team.keys)
     for robot, trajectory in merged.graph.trajectories.items():
-        stem = robot if robot.replace("_", "").replace("-", "").isalnum() else f"robot_{ord(robot[0])}"
+        stem = robot if robot.translate(str.maketrans("", "", "_-.")).isalnum() else f"robot_{ord(robot[0])}"
         write_tum(folder / f"{stem}.tum", trajectory)
         write_kitti_poses(folder / f"{stem}_kitti.txt", trajectory)
     with (folder / "closures.csv").open("w", newline="", encoding="utf-8") as file:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.g2o_reader import read_g2o
 from wiclosure.errors import InputError
+from wiclosure.types import KeyframeId
 
 A, B = (ord(letter) << 56 for letter in "ab")
 UNIT = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
@@ -94,6 +95,15 @@ def test_what_cannot_be_used_is_named_and_the_rest_goes_on(read):
     assert team.unusable[0].place.endswith("0.g2o, line 9")
 
 
+def test_the_rest_of_a_broken_odometry_is_another_robot(read):
+    more = [vertex(A + 4), vertex(A + 5), edge(A + 4, A + 5), edge(A, A + 5)]
+    team = read([*CHAIN_A, *more])
+    assert {robot: len(t) for robot, t in team.odometry.items()} == {"a": 3, "a.1": 2}
+    assert team.indices["a.1"].tolist() == [4, 5]
+    assert team.closures[0].match == KeyframeId("a.1", 1)
+    assert "none between a2 and a4; the rest is a.1" in team.warnings[0]
+
+
 def test_what_can_be_repaired_is_repaired_and_said(read):
     chain = [vertex(A, "nan 0 0 0 0 0 1"), vertex(A + 1), edge(A, A + 1, "1 0 0 0 0 0 2"), "0.42", vertex(A + 1, AHEAD)]
     team = read([*chain, edge(A, A + 1, AHEAD, "1 " + "0 " * 20)])
@@ -123,7 +133,6 @@ def test_a_habit_of_the_writer_is_said_once(read):
             [vertex(A), vertex(A + 1), edge(A, A + 1, "nan 0 0 0 0 0 1")],
             "line 3: odometry of a: a number is not finite",
         ),
-        (CHAIN_A[:4], "odometry of a is broken: no edge between a1 and a2"),
     ],
 )
 def test_what_cannot_be_read_is_refused_with_its_place(read, lines, message):
