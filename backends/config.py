@@ -130,6 +130,10 @@ class PoseGraphSettings(Settings):
     )
     noise: ClosureNoise = ClosureNoise()
 
+    def scaled(self, factor: float) -> Self:
+        """With `sigma_scale` larger by a factor, as `PcmResult.scale` asks for."""
+        return self.model_copy(update={"sigma_scale": factor * self.sigma_scale})
+
 
 class MapSettings(Settings):
     """The merged map."""

@@ -194,7 +194,7 @@ def recorded(_: argparse.Namespace) -> None:
         team = read_g2o(sorted((DATA / "pose_graphs" / name).glob("*.g2o")))
         true = _blatant(name, team.closures)
         checked = pairwise_consistent(team.closures, team.odometry, PcmSettings(noise=STATED, max_scale=10))
-        settings = PoseGraphSettings(noise=STATED, sigma_scale=checked.scale)
+        settings = PoseGraphSettings(noise=STATED).scaled(checked.scale)
         result = optimise(team.odometry, checked.closures, settings)
         clean = optimise(
             team.odometry,

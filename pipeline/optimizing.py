@@ -72,7 +72,7 @@ def merge(paths: Sequence[Path], config: Config) -> Merged:
         logger.warning("%s: left out, %s%s", first.place, first.reason, rest)
     pcm = _defaults(config.pcm, noise=STATED_IN_FULL, max_scale=MAX_SCALE)
     consistent = pairwise_consistent(team.closures, team.odometry, pcm)
-    settings = _defaults(config.pose_graph, noise=STATED_IN_FULL, sigma_scale=consistent.scale)
+    settings = _defaults(config.pose_graph, noise=STATED_IN_FULL).scaled(consistent.scale)
     graph = optimise(team.odometry, consistent.closures, settings)
     return Merged(team, consistent, graph, time.perf_counter() - began)
 

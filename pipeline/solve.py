@@ -112,7 +112,7 @@ def solve(
     verification_spent_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
-    graph = optimise(keyframes, consistent.closures, config.pose_graph)
+    graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale))
     optimisation_s = time.perf_counter() - began
 
     closures = graph.closures
