@@ -65,14 +65,14 @@ FIGURES: dict[str, Figure] = {
     "ate_m": Figure("ATE, m", _ate, "low", "{:.3g}"),
     "accepted_true": Figure("true closures", lambda m: m["closures"]["accepted_true"], "high", "{:.4g}"),
     "accepted_false": Figure("false closures", lambda m: m["closures"]["accepted_false"], "low", "{:.4g}"),
-    "missed_percent": Figure("missed true, %", _missed, "low", "{:.2g}"),
+    "missed_percent": Figure("missed true, %", _missed, "low", "{:.1f}"),
     "false_rejected_percent": Figure(
-        "rejected false, %", lambda m: _percent(m["candidates"]["false_rejected"]), None, "{:.3g}"
+        "rejected false, %", lambda m: _percent(m["candidates"]["false_rejected"]), None, "{:.1f}"
     ),
     "closing_s": Figure("closing time, s", lambda m: closing_seconds(m["seconds"]), "low", "{:.3g}"),
-    "filter_s": Figure("filter, s", lambda m: m["seconds"]["filter"], None, "{:.2g}"),
-    "filter_share_percent": Figure("filter, % of run", filter_share_percent, None, "{:.2g}"),
-    "total_s": Figure("total, s", lambda m: m["seconds"]["total"], "low", "{:.4g}"),
+    "filter_s": Figure("filter, s", lambda m: m["seconds"]["filter"], None, "{:.2f}"),
+    "filter_share_percent": Figure("filter, % of run", filter_share_percent, None, "{:.2f}"),
+    "total_s": Figure("total, s", lambda m: m["seconds"]["total"], "low", "{:.1f}"),
 }
 
 

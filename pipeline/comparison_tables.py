@@ -118,7 +118,7 @@ def _arms(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -> t
     rows = []
     for arm in arms:
         figures = [spread_text(arm.figures.get(key), FIGURES[key].form) for key in keys]
-        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.3g}")])
+        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.1f}")])
     return header, rows
 
 

@@ -35,6 +35,7 @@ def reproduce(
 
       wiclosure reproduce kitti08 --poses 08.txt
     """
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
@@ -50,11 +51,15 @@ def reproduce(
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:
-        header, rows = reproducing.table(chosen, compared)
-        shown = Table(*header, title=chosen.title, title_justify="left", title_style="bold")
-        for row in rows:
-            shown.add_row(*row)
-        Console().print(shown)
+        for preset, (header, rows) in reproducing.tables(chosen, compared).items():
+            title = f"{chosen.title}; back end {preset}"
+            shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+            shown.add_column(header[0], no_wrap=True)
+            for column in header[1:]:
+                shown.add_column(column, justify="right")
+            for row in rows:
+                shown.add_row(*row)
+            Console().print(shown)
         for sentence in (*reproducing.verdicts(compared), *chosen.contradictions):
             Console().print(f"- {sentence}")
         Console().print(f"report, tables and pictures in {folder}")
