@@ -76,6 +76,9 @@ class MatchingSettings(Settings):
         50, ge=1, description="candidates a keyframe with the most similar ring keys; none: every pair is compared"
     )
     candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
+    lateral_shift_m: float | None = Field(
+        None, gt=0, description="m; descriptors of the query moved so far to either side are tried too (augmented ones)"
+    )
     suppression: int = Field(
         0, ge=0, description="keyframes along both ways within which only the best pair is proposed; 0: all are"
     )

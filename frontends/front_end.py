@@ -18,7 +18,7 @@ from wiclosure.frontends.recorded_odometry import RecordedOdometry
 from wiclosure.frontends.scan_context import describe
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
-__all__ = ["FrontEnd", "FrontEndResult", "OdometryRun", "describe_all"]
+__all__ = ["FrontEnd", "FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
 
 logger = logging.getLogger(__name__)
 
@@ -122,6 +122,16 @@ def describe_all(clouds: Sequence[Float32Array], settings: ScanContextSettings) 
     started = time.perf_counter()
     images = np.stack([describe(cloud, settings) for cloud in clouds])
     return Descriptors(images, time.perf_counter() - started)
+
+
+def describe_shifted(
+    clouds: Sequence[Float32Array], settings: ScanContextSettings, lateral_shift_m: float | None
+) -> tuple[Float32Array, ...]:
+    """Descriptors `(K, rings, sectors)` as if the sensor had stood so far to the left, and to the right; or none."""
+    if lateral_shift_m is None:
+        return ()
+    sides = (np.array([0.0, side * lateral_shift_m, 0.0], np.float32) for side in (-1, 1))
+    return tuple(describe_all([cloud + side for cloud in clouds], settings).images for side in sides)
 
 
 class FrontEnd:

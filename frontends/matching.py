@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +58,11 @@ class MatchResult:
 
 
 def match(
-    pairs: CandidatePairs, descriptors_a: Float32Array, descriptors_b: Float32Array, settings: MatchingSettings
+    pairs: CandidatePairs,
+    descriptors_a: Float32Array,
+    descriptors_b: Float32Array,
+    settings: MatchingSettings,
+    shifted_a: Sequence[Float32Array] = (),
 ) -> MatchResult:
     """Proposes the pairs that look most alike.
 
@@ -71,6 +76,8 @@ def match(
         descriptors_a: `(K_a, rings, sectors)` scan contexts of all keyframes of robot_a.
         descriptors_b: `(K_b, rings, sectors)` those of robot_b.
         settings: thresholds and numbers.
+        shifted_a: the same as descriptors_a, of clouds moved sideways: the best of all counts, so that two drives in
+            different lanes look alike (Kim et al., "Scan Context++", T-RO 2021).
 
     Raises:
         InputError: the descriptors differ in shape, or a pair has none.
@@ -79,7 +86,12 @@ def match(
     _check(pairs, descriptors_a, descriptors_b)
     near = _nearest_by_ring_key(pairs, descriptors_a, descriptors_b, settings)
     a, b = pairs.index_a[near], pairs.index_b[near]
-    distance, yaw = compare(ColumnSpectra.of(descriptors_a), ColumnSpectra.of(descriptors_b), a, b)
+    spectra_b = ColumnSpectra.of(descriptors_b)
+    distance, yaw = compare(ColumnSpectra.of(descriptors_a), spectra_b, a, b)
+    for shifted in shifted_a:
+        from_there, yaw_there = compare(ColumnSpectra.of(shifted), spectra_b, a, b)
+        nearer = from_there < distance
+        distance[nearer], yaw[nearer] = from_there[nearer], yaw_there[nearer]
     limit = settings.max_distance if pairs.predictor is None else settings.max_distance_with_prediction
     alike = np.flatnonzero(distance <= limit)
     cost = distance[alike] + _remoteness(pairs, near[alike])

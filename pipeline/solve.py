@@ -13,7 +13,7 @@ import numpy as np
 
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import GraphResult, optimise
-from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
 from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.revisits import revisits
@@ -103,8 +103,18 @@ def solve(
     filtered = candidate_filter.candidates(keyframes, wireless)
     own = [revisits(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
     candidates = (*filtered.pairs, *own)
+    shifted = {
+        robot: describe_shifted(front.clouds, config.scan_context, config.matching.lateral_shift_m)
+        for robot, front in fronts.items()
+    }
     matched = tuple(
-        match(pairs, fronts[pairs.robot_a].descriptors, fronts[pairs.robot_b].descriptors, config.matching)
+        match(
+            pairs,
+            fronts[pairs.robot_a].descriptors,
+            fronts[pairs.robot_b].descriptors,
+            config.matching,
+            shifted[pairs.robot_a],
+        )
         for pairs in candidates
     )
     began = time.perf_counter()

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.frontends.config import MatchingSettings
+from wiclosure.frontends.config import MatchingSettings, ScanContextSettings
+from wiclosure.frontends.front_end import describe_all, describe_shifted
 from wiclosure.frontends.matching import match, spread_out
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
 from wiclosure.types import CandidatePairs, Decision, Float32Array, FloatArray, IntArray
@@ -159,3 +160,19 @@ def test_one_place_gives_few_closures_when_told_so() -> None:
     result = match(all_pairs(12, 12), same, same, MatchingSettings(suppression=3, max_distance=0.05))
     assert len(result.closures) == 3
     assert (result.pairs_best, result.pairs_suppressed) == (12, 9)
+
+
+def test_a_place_seen_from_another_lane_is_recognised_by_shifted_descriptors() -> None:
+    rng = np.random.default_rng(0)
+    houses = np.column_stack([rng.uniform(-60, 60, (2, 4000)).T, rng.uniform(-1.5, 8, 4000)])
+    settings = ScanContextSettings()
+    # Beta's places are alpha's from 3 m further left.
+    alpha = [(houses - [x, 0.0, 0.0]).astype(np.float32) for x in (0.0, 25.0)]
+    beta = [cloud - np.array([0.0, 3.0, 0.0], np.float32) for cloud in alpha]
+    a, b = describe_all(alpha, settings).images, describe_all(beta, settings).images
+    plain = match(all_pairs(2, 2), a, b, MatchingSettings(max_distance=1.0))
+    moved = match(all_pairs(2, 2), a, b, MatchingSettings(max_distance=1.0), describe_shifted(alpha, settings, 3.0))
+    distance = [min(c.evidence.scan_context_distance for c in result.closures) for result in (plain, moved)]
+    assert distance[1] < 0.01 < distance[0]
+    assert {(0, 0), (1, 1)} <= {(c.query.index, c.match.index) for c in moved.closures}
+    assert describe_shifted(alpha, settings, None) == ()
