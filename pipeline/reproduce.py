@@ -80,7 +80,7 @@ def plan_of(
 
 def tables(experiment: Experiment, comparison: Comparison) -> dict[str, tuple[list[str], list[list[str]]]]:
     """Header and rows by back end: the paper's two columns, then each filter of ours; uncached seconds."""
-    header = ["", "paper, baseline", "paper, filter", *(f"ours, {name}" for name in comparison.plan.filters)]
+    header = ["", "paper: baseline", "paper: filter", *(f"ours: {name}" for name in comparison.plan.filters)]
     return {preset: (header, _rows(experiment, comparison, preset)) for preset in experiment.presets}
 
 

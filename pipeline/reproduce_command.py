@@ -54,9 +54,9 @@ def reproduce(
         for preset, (header, rows) in reproducing.tables(chosen, compared).items():
             title = f"{chosen.title}; back end {preset}"
             shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-            shown.add_column(header[0], min_width=24, max_width=24)
+            shown.add_column(header[0], no_wrap=True)
             for column in header[1:]:
-                shown.add_column(column, justify="right", min_width=9)
+                shown.add_column(column.replace(": ", "\n"), justify="right")
             for row in rows:
                 shown.add_row(*row)
             Console().print(shown)
