@@ -24,7 +24,7 @@ _POINTS_AT_ONCE = 1 << 14  # what the fast caches hold
 
 # arctan(t) / (2 pi t) as a polynomial in t^2, fitted where t = sqrt(u) lies in [0, 1].
 _U = (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 200))) + 1e-9
-_ARCTAN = np.polynomial.Polynomial.fit(_U, np.arctan(np.sqrt(_U)) / (2 * np.pi * np.sqrt(_U)), 6).convert().coef
+_ARCTAN = np.polynomial.Polynomial.fit(_U, np.arctan(np.sqrt(_U)) / (2 * np.pi * np.sqrt(_U)), 4).convert().coef
 _ARCTAN = _ARCTAN.astype(np.float32)
 
 # Pairs are compared in rectangles of so many keyframes: large enough for matrix products, small enough for caches.
@@ -63,7 +63,7 @@ def _bins(points: FloatArray | Float32Array, settings: ScanContextSettings) -> t
 
 
 def _turns(x: Float32Array, y: Float32Array) -> Float32Array:
-    """Azimuths as shares of a full turn, [0, 1], within 3e-7: arctan2 would take half of the descriptor's time.
+    """Azimuths as shares of a full turn, [0, 1], within 4e-6: arctan2 would take half of the descriptor's time.
 
     The polynomial is the least-squares fit to the arctangent on [0, 1]; other octants are mirrored into this one.
     """
