@@ -75,14 +75,15 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Arms with medians and spread, arms against the base, and seconds a stage."""
+    arms = summaries(comparison)
+    repeated = max(arm.runs for arm in arms) > 1
     parts = [
         f"# Comparison\n\nBase arm: {comparison.plan.filters[0]}. Median over the seeds, [smallest, largest].",
         *comparison.plan.remarks,
-        markdown(*_arms(summaries(comparison))),
-        "## Against the base arm, seed by seed",
-        markdown(*_against(summaries(comparison))),
+        markdown(*_arms(arms)),
+        *(["## Against the base arm, seed by seed", markdown(*_against(arms))] if repeated else []),
         "## Seconds a stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
-        markdown(*_stages(summaries(comparison))),
+        markdown(*_stages(arms)),
     ]
     return "\n\n".join(parts) + "\n"
 
