@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.stats import chi2
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, Trajectory
 
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
 LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
@@ -34,6 +35,11 @@ class Keys:
     def __call__(self, robot: str, index: int) -> int:
         """The key of one keyframe."""
         return ((ord("a") + self.robots.index(robot)) << 56) + int(index)
+
+    def all(self, robot: str, indices: IntArray) -> list[int]:
+        """The keys of many keyframes of one robot."""
+        first = self(robot, 0)
+        return [first + index for index in indices.tolist()]
 
 
 def carrying(trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet]) -> dict[str, NDArray[np.int64]]:
@@ -79,18 +85,19 @@ def odometry_factors(
             continue
         steps = trajectory.relative_pose(used[:-1], used[1:])
         covariances = odometry_covariances(trajectory, used, held[robot])
-        for first, second, step, covariance in zip(used[:-1], used[1:], steps, covariances, strict=True):
-            noise = _noise(covariance)
-            graph.add(gtsam.BetweenFactorPose3(keys(robot, first), keys(robot, second), gtsam.Pose3(step), noise))
+        for (first, second), step, covariance in zip(pairwise(keys.all(robot, used)), steps, covariances, strict=True):
+            graph.add(gtsam.BetweenFactorPose3(first, second, gtsam.Pose3(step), _noise(covariance)))
     return graph
 
 
 def closure_factors(sets: Sequence[ClosureSet], keys: Keys) -> list[gtsam.BetweenFactorPose3]:
     """One factor for each closure, set after set."""
     return [
-        gtsam.BetweenFactorPose3(keys(z.robot_a, a), keys(z.robot_b, b), gtsam.Pose3(T), _noise(covariance))
+        gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(T), _noise(covariance))
         for z in sets
-        for a, b, T, covariance in zip(z.index_a, z.index_b, z.T_a_b, z.covariance, strict=True)
+        for a, b, T, covariance in zip(
+            keys.all(z.robot_a, z.index_a), keys.all(z.robot_b, z.index_b), z.T_a_b, z.covariance, strict=True
+        )
     ]
 
 
@@ -114,18 +121,22 @@ def with_factors(
     return grown
 
 
-def solve(graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values) -> gtsam.Values:
+def solve(
+    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, ordering: gtsam.Ordering | None = None
+) -> gtsam.Values:
     """Least squares by Levenberg-Marquardt.
 
     Raises:
         RuntimeError: the system is indeterminate or has no finite solution.
     """
     parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setOrdering(_ordering(graph))
+    if ordering is not None:
+        parameters.setOrdering(ordering)
     return gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
 
 
 def _ordering(graph: gtsam.NonlinearFactorGraph) -> gtsam.Ordering:
+    """One for many solutions, which pays for the search."""
     keys = (graph.at(n).keys() for n in range(graph.size()))
     joined = {key for of_factor in keys if len(of_factor) > 1 for key in of_factor}
     if len(joined) >= MANY_POSES and len(joined) == graph.keys().size():  # METIS cannot have a pose without neighbours
@@ -171,7 +182,8 @@ def _by_graduated_non_convexity(
     in seven it ended with every closure switched off.
     """
     everything = with_factors(certain, doubtful)
-    estimate, ordering = solve(everything, initial), _ordering(everything)
+    ordering = _ordering(everything)
+    estimate = solve(everything, initial, ordering)
     chi_square = _chi_squares(doubtful, estimate)
     mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
     for _ in range(GNC_STEPS):
@@ -181,7 +193,7 @@ def _by_graduated_non_convexity(
         graph = with_factors(certain, _weighted(doubtful, weights))
         stepped = estimate.retract(graph.linearize(estimate).optimize(ordering))
         settled = _moved(chi_square, _chi_squares(doubtful, stepped), limit) < GNC_SETTLED
-        estimate = stepped if settled else solve(graph, estimate)
+        estimate = stepped if settled else solve(graph, estimate, ordering)
         chi_square = _chi_squares(doubtful, estimate)
         mu *= GNC_FACTOR_SETTLED if settled else GNC_FACTOR
     return weights > 0.5, estimate

@@ -36,11 +36,12 @@ __all__ = ["GraphResult", "optimise"]
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """Which closures are believed (one mask a set), and the poses `T_world_body` by robot."""
+    """Which closures are believed (one mask a set), the poses `T_world_body` by robot, and the graph that gave them."""
 
     believed: list[NDArray[np.bool_]]
     poses: dict[str, FloatArray]
     diagnosis: tuple[str, ...] = ()
+    graph: gtsam.NonlinearFactorGraph | None = None
 
 
 def optimise(
@@ -72,14 +73,13 @@ def optimise(
     for z, mask in zip(sets, found.believed, strict=True):
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept)
-    graph = _final_graph(trajectories, kept, groups, found.poses)
     result = GraphResult(
-        trajectories={r: Trajectory(r, t.stamps_ns, found.poses[r], t.drift) for r, t in trajectories.items()},
+        trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
         closures=tuple(decided(closures, verdicts)),
         diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
-        graph=graph,
+        graph=found.graph or _final_graph(trajectories, kept, groups, found.poses),
         values=_values(found.poses),
         sigma_scale=settings.sigma_scale,
     )
@@ -134,7 +134,7 @@ def _joint(
     kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
     start = _reset_unconnected(trajectories, kept, poses)
     graph = _final_graph(trajectories, kept, components(list(trajectories), kept), start)
-    return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories))
+    return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories), graph=graph)
 
 
 def _decide(
@@ -156,7 +156,7 @@ def _decide(
     poses = {}
     for robot, trajectory in trajectories.items():
         held = trajectory.subset(nodes[robot])
-        solved = np.stack([values.atPose3(keys(robot, n)).matrix() for n in nodes[robot]])
+        solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
         poses[robot] = carried(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
     return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
 
@@ -188,15 +188,16 @@ def _values(poses: Mapping[str, FloatArray], nodes: Mapping[str, NDArray[np.int6
     """GTSAM's form of all poses, or only of those at the indices `nodes`."""
     keys, values = Keys(tuple(poses)), gtsam.Values()
     for robot, stack in poses.items():
-        for n in np.arange(len(stack)) if nodes is None else nodes[robot]:
-            values.insert(keys(robot, n), gtsam.Pose3(stack[n]))
+        used = np.arange(len(stack)) if nodes is None else nodes[robot]
+        for key, pose in zip(keys.all(robot, used), stack[used], strict=True):
+            values.insert(key, gtsam.Pose3(pose))
     return values
 
 
 def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict[str, FloatArray]:
     keys = Keys(tuple(trajectories))
     return {
-        robot: np.stack([values.atPose3(keys(robot, n)).matrix() for n in range(len(trajectory))])
+        robot: np.stack([values.atPose3(key).matrix() for key in keys.all(robot, np.arange(len(trajectory)))])
         for robot, trajectory in trajectories.items()
     }
 
