@@ -29,7 +29,7 @@ class OdometrySettings(Settings):
         " and 70 m of a recorded drive differ by at most 2 cm",
     )
     num_threads: int = Field(
-        1, ge=0, description="0: all cores; more than one make it hardly faster (measured), and not bit-reproducible"
+        1, ge=0, description="one is bit-reproducible, also over any -j; 0: all cores, quicker where they are free"
     )
 
     @model_validator(mode="after")
