@@ -86,7 +86,7 @@ class AccumulatedDrift:
         variance = 3.0 * np.abs(self.walk[j, 0] - self.walk[i, 0])
         if self.bias is not None:
             variance += np.sum(((self.bias[j, :3] - self.bias[i, :3]) * self.bias_sigma) ** 2, axis=(1, 2))
-        return variance
+        return np.asarray(variance)
 
     def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
         """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j."""
