@@ -23,7 +23,8 @@ SENSOR_HEIGHT_M = 1.73
 
 _SMOOTH_FRAMES = 3.0
 _CROOKED = 0.01
-_SWAY_DEG, _SPEED_MPS = 0.3, 9.0
+_SPEED_MPS = 9.0
+_SWAY_DEG, _SHORTEST_WAVE_M = 0.08, 30.0  # a scan's roll and pitch differ from the trend by 0.12 degrees, as recorded
 _ROBOTS = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta")
 
 
@@ -102,7 +103,9 @@ def scene(xy_m: FloatArray, rng: np.random.Generator, aliasing: float) -> Scene:
     """Houses along the whole trajectory `(K, 2)`."""
     low, high = xy_m.min(axis=0) - 90, xy_m.max(axis=0) + 90
     builder = SceneBuilder(
-        rough_ground(rng, (low[0], low[1]), (high[0], high[1]), 1.5, cell_m=2.5, wavelengths_m=(10.0, 250.0))
+        rough_ground(
+            rng, (low[0], low[1]), (high[0], high[1]), 1.5, cell_m=2.5, wavelengths_m=(_SHORTEST_WAVE_M, 250.0)
+        )
     )
     line_with_lots(builder, [_centre_line(xy_m)], rng, aliasing)
     return builder.build()
