@@ -30,8 +30,8 @@ test-slow: setup ## the tests that take longer: recorded drives, packaging
 demo: setup ## simulate two robots, merge them with the wireless filter off and on
 	$(BIN)/wiclosure demo --out results/demo --overwrite
 
-BENCHMARKS := startup pointcloud2 odometry raycast simulation drift alignment filter
-bench: setup ## every benchmark (some half an hour)
+BENCHMARKS := startup pointcloud2 odometry raycast simulation drift alignment filter front_end back_end
+bench: setup ## every benchmark (an hour or two)
 	@for name in $(BENCHMARKS); do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 package: setup ## wheel and sdist into dist/
