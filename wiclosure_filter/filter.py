@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -21,6 +22,7 @@ from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.gates import make_gate
 from wiclosure.wiclosure_filter.overlap_search import KeptPairs, SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs
+from wiclosure.wiclosure_filter.relative_heading import RelativeHeading
 from wiclosure.wiclosure_filter.shared_trajectory import SharedTrajectory, share_trajectories
 
 
@@ -50,7 +52,11 @@ class WiClosureFilter:
         # 2. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = share_trajectories(trajectories, wireless, alignments, self.settings)
         # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
-        pairs = tuple(self.pairs_of(a, b, trajectories, shared) for a, b in robot_pairs(list(trajectories)))
+        turned = {(al.robot_a, al.robot_b): RelativeHeading.of(al, trajectories, self.settings) for al in alignments}
+        pairs = tuple(
+            self.pairs_of(a, b, trajectories, shared, heading=turned.get((a, b)))
+            for a, b in robot_pairs(list(trajectories))
+        )
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(trajectories, alignments, shared))
         return FilterResult(
             filter_name=self.name,
@@ -96,10 +102,11 @@ class WiClosureFilter:
         trajectories: Mapping[str, Trajectory],
         shared: SharedTrajectory,
         trace: SearchTrace | None = None,
+        heading: RelativeHeading | None = None,
     ) -> CandidatePairs:
-        """Kept pairs of two robots: all or none of them where nothing joins the robots."""
+        """Kept pairs of two robots: all or none of them where nothing joins the robots, with what compasses tell."""
         if (robot_a, robot_b) not in shared.estimates:
-            return self._unjoined(robot_a, robot_b, trajectories)
+            return replace(self._unjoined(robot_a, robot_b, trajectories), predictor=heading)
         estimate, gate = shared.estimates[robot_a, robot_b], make_gate(self.settings.gate)
         parts = [find_overlap(model, gate, trace) for model in estimate.models(robot_a, robot_b)]
         kept = _best(KeptPairs.joined(parts), self.settings.gate.budget)
@@ -129,7 +136,9 @@ class WiClosureFilter:
             alignment = by_pair.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; every pair is {action}")
+                turned = RelativeHeading.of(alignment, trajectories, self.settings) is not None
+                known = ", with the relative heading that compasses tell" if turned and action == "passed" else ""
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; every pair is {action}{known}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
