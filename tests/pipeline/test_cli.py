@@ -320,7 +320,7 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str)
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     finished = tmp_path / "cache"
     deadline = time.monotonic() + 60
-    while not (finished.is_dir() and list(finished.glob("front-end-*"))) and time.monotonic() < deadline:
+    while not (finished.is_dir() and list(finished.glob("odometry-*"))) and time.monotonic() < deadline:
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
     _, err = process.communicate(timeout=60)
@@ -328,7 +328,7 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str)
     assert err.strip() == "interrupted: nothing is written; finished odometry is kept, unless with --no-cache"
     assert not Path("run").exists()
     assert not list(tmp_path.glob(".run*"))
-    assert len(list(finished.glob("front-end-*"))) == 1
+    assert len(list(finished.glob("odometry-*"))) == 1
 
 
 def test_heavy_libraries_wait_until_they_serve() -> None:
