@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.drift import DriftModel
+from wiclosure.drift import AccumulatedDrift, DriftModel
 from wiclosure.types import FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
 
@@ -74,8 +74,10 @@ class GraphNodes:
 
     def steps(self) -> tuple[FloatArray, FloatArray]:
         """From each node to the next: translation `(K-1, 3)` and covariance `(K-1, 6, 6)`, both in odometry axes."""
-        walk = _Walk.along(self.trajectory, self.drift)
-        covariance = walk.covariance(self.keyframe[:-1], self.keyframe[1:], self.position[1:])
+        walk = AccumulatedDrift.along(self.trajectory.poses, self.drift).between(self.keyframe[:-1], self.keyframe[1:])
+        axes = np.broadcast_to(np.eye(3), (len(walk), 3, 3))
+        T_node_odom = se3.from_rotation_translation(axes, -self.position[1:])
+        covariance = se3.rotate_covariance(se3.adjoint(T_node_odom), walk)
         return np.diff(self.position, axis=0), covariance + LEAST_SIGMA**2 * np.eye(6)
 
     def around_keyframes(self) -> tuple[IntArray, FloatArray]:
@@ -105,52 +107,6 @@ class GraphNodes:
             + drift.rotation_walk**2 * way * h**2 / 3
             + drift.rotation_walk_turning**2 * turn * h**2
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Walk:
-    """Prefix sums `(N, ...)` of a random walk whose variances are the same on all axes.
-
-    Equal variances need no turning into the odometry axes, so that moments of the positions suffice: a third of the
-    memory of `wiclosure.drift.AccumulatedDrift`, for trajectories of a million poses.
-    """
-
-    rotation: FloatArray
-    translation: FloatArray
-    first_moment: FloatArray
-    second_moment: FloatArray
-
-    @classmethod
-    def along(cls, trajectory: Trajectory, drift: DriftModel) -> _Walk:
-        """Each step's error happens where the step ends."""
-        metres, turn = np.diff(trajectory.distance), np.diff(turned_so_far(trajectory))
-        rotation = drift.rotation_walk**2 * metres + drift.rotation_walk_turning**2 * turn
-        at = trajectory.positions[1:]
-        sums = (
-            rotation,
-            drift.translation_walk**2 * metres,
-            rotation[:, None] * at,
-            rotation[:, None, None] * at[:, :, None] * at[:, None, :],
-        )
-        return cls(*(np.concatenate([np.zeros((1, *s.shape[1:])), np.cumsum(s, axis=0)]) for s in sums))
-
-    def covariance(self, i: IntArray, j: IntArray, origin: FloatArray) -> FloatArray:
-        """Covariances `(M, 6, 6)` of the motion from keyframes i to j >= i, as errors of a frame at `origin (M, 3)`.
-
-        An error d of rotation at p moves the origin by d x (origin - p).
-        """
-        rotation, translation = self.rotation[j] - self.rotation[i], self.translation[j] - self.translation[i]
-        first = self.first_moment[j] - self.first_moment[i] - rotation[:, None] * origin
-        mixed = (self.first_moment[j] - self.first_moment[i])[:, :, None] * origin[:, None, :]
-        second = self.second_moment[j] - self.second_moment[i] - mixed - np.swapaxes(mixed, 1, 2)
-        second += rotation[:, None, None] * origin[:, :, None] * origin[:, None, :]
-        covariance = np.zeros((len(i), 6, 6))
-        covariance[:, :3, :3] = rotation[:, None, None] * np.eye(3)
-        covariance[:, 3:, :3] = se3.skew(first)
-        covariance[:, :3, 3:] = np.swapaxes(covariance[:, 3:, :3], 1, 2)
-        squares = np.einsum("nii->n", second)
-        covariance[:, 3:, 3:] = (squares + translation)[:, None, None] * np.eye(3) - second
-        return covariance
 
 
 def without_bias(drift: DriftModel, length_m: float) -> DriftModel:
