@@ -52,12 +52,12 @@ class WiClosureFilter:
         # 2. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = share_trajectories(trajectories, wireless, alignments, self.settings)
         # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
-        turned = {(al.robot_a, al.robot_b): RelativeHeading.of(al, trajectories, self.settings) for al in alignments}
+        headings = {(al.robot_a, al.robot_b): RelativeHeading.of(al, trajectories, self.settings) for al in alignments}
         pairs = tuple(
-            self.pairs_of(a, b, trajectories, shared, heading=turned.get((a, b)))
+            self.pairs_of(a, b, trajectories, shared, heading=headings.get((a, b)))
             for a, b in robot_pairs(list(trajectories))
         )
-        diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(trajectories, alignments, shared))
+        diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
         return FilterResult(
             filter_name=self.name,
             pairs=pairs,
@@ -106,7 +106,7 @@ class WiClosureFilter:
     ) -> CandidatePairs:
         """Kept pairs of two robots: all or none of them where nothing joins the robots, with what compasses tell."""
         if (robot_a, robot_b) not in shared.estimates:
-            return replace(self._unjoined(robot_a, robot_b, trajectories), predictor=heading)
+            return self._unjoined(robot_a, robot_b, trajectories, heading)
         estimate, gate = shared.estimates[robot_a, robot_b], make_gate(self.settings.gate)
         parts = [find_overlap(model, gate, trace) for model in estimate.models(robot_a, robot_b)]
         kept = _best(KeptPairs.joined(parts), self.settings.gate.budget)
@@ -114,7 +114,9 @@ class WiClosureFilter:
             robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate
         )
 
-    def _unjoined(self, robot_a: str, robot_b: str, trajectories: Mapping[str, Trajectory]) -> CandidatePairs:
+    def _unjoined(
+        self, robot_a: str, robot_b: str, trajectories: Mapping[str, Trajectory], heading: RelativeHeading | None
+    ) -> CandidatePairs:
         if self.settings.on_ambiguous == "raise":
             raise InputError(
                 f"the radio does not tell how {robot_a} and {robot_b} lie; add measurements, or set"
@@ -123,21 +125,22 @@ class WiClosureFilter:
         if self.settings.on_ambiguous == "reject":
             none = np.zeros(0, np.int64)
             return CandidatePairs.without_prediction(robot_a, robot_b, none, none)
-        return all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
+        whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
+        return replace(whole, predictor=heading)
 
     def _explain(
-        self, trajectories: Mapping[str, Trajectory], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory
+        self, pairs: tuple[CandidatePairs, ...], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory
     ) -> tuple[str, ...]:
         """Why pairs of robots were not pruned, and which measurements served nothing."""
         sentences = list(shared.diagnosis)
         by_pair = {(a.robot_a, a.robot_b): a for a in alignments}
         action = "passed" if self.settings.on_ambiguous == "pass" else "rejected"
-        for pair in robot_pairs(list(trajectories)):
+        for kept in pairs:
+            pair = (kept.robot_a, kept.robot_b)
             alignment = by_pair.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                turned = RelativeHeading.of(alignment, trajectories, self.settings) is not None
-                known = ", with the relative heading that compasses tell" if turned and action == "passed" else ""
+                known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; every pair is {action}{known}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")

@@ -35,10 +35,10 @@ class RelativeHeading:
 
     @classmethod
     def of(
-        cls, alignment: FrameAlignment | None, trajectories: Mapping[str, Trajectory], settings: FilterSettings
+        cls, alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], settings: FilterSettings
     ) -> RelativeHeading | None:
         """What compasses tell of an ambiguous alignment; None without compasses, or where rivals disagree on it."""
-        if alignment is None or alignment.best is None or alignment.covariance is None:
+        if alignment.best is None or alignment.covariance is None:
             return None
         if alignment.heading_knowledge != "heading" or not settings.alignment.gravity_aligned:
             return None

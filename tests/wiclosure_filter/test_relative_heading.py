@@ -52,10 +52,10 @@ def test_rotations_follow_the_compasses_and_positions_stay_open() -> None:
     [
         (ambiguous(YAW + np.pi), "a rival is turned the other way"),
         (ambiguous(None, "one-way"), "no compass"),
-        (None, "no alignment"),
+        (FrameAlignment("alpha", "beta", None, None, True, "nothing agrees", None, "heading"), "no alignment"),
     ],
 )
-def test_nothing_is_told_where_the_heading_is_open(alignment: FrameAlignment | None, why: str) -> None:
+def test_nothing_is_told_where_the_heading_is_open(alignment: FrameAlignment, why: str) -> None:
     assert RelativeHeading.of(alignment, TEAM, FilterSettings()) is None, why
 
 
