@@ -28,7 +28,7 @@ def candidate_metrics(
     Only pairs of which both keyframes have ground truth count, except for the share pruned, which needs none and counts
     all.  True pairs are counted by a tree, without listing them.
     """
-    places = {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
+    places = _true_places(keyframes, truth, gap_s)
     total = true = kept = kept_true = 0
     for pair in pairs:
         (poses_a, covered_a), (poses_b, covered_b) = places[pair.robot_a], places[pair.robot_b]
@@ -113,21 +113,46 @@ class ClosureJudge:
 
     def count(self, closures: Sequence[Closure]) -> tuple[int, int] | tuple[None, None]:
         """How many are true and how many false; None where ground truth says nothing."""
-        right, covered = self.right(closures)
-        if not covered.any() and (closures or not self.truth):
-            return None, None
-        return int(right.sum()), int((covered & ~right).sum())
+        return _tally(*self.right(closures), known=bool(self.truth))
+
+    def near(
+        self, closures: Sequence[Closure], truth: Mapping[str, Trajectory], radius_m: float
+    ) -> tuple[int, int] | tuple[None, None]:
+        """How many join places within the radius of each other and how many do not, by `truth` without orientations."""
+        query, match, covered = _true_ends(closures, self.keyframes, truth, self.gap_s)
+        near = np.linalg.norm(query[:, :3, 3] - match[:, :3, 3], axis=1) <= radius_m
+        return _tally(near & covered, covered, known=bool(truth))
+
+
+def _tally(right: np.ndarray, covered: np.ndarray, *, known: bool) -> tuple[int, int] | tuple[None, None]:
+    """How many are right and how many are not; None where ground truth says nothing of any, or there is none."""
+    if not covered.any() and (len(covered) or not known):
+        return None, None
+    return int(right.sum()), int((covered & ~right).sum())
 
 
 def closure_errors(
     closures: Sequence[Closure], keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
     """Errors `(N,)` in m and degrees of the closures' transforms, and for which of them ground truth says so."""
-    places = {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
-    if not closures:
-        return np.zeros(0), np.zeros(0), np.zeros(0, bool)
-    ends = [[places[k.robot][0][k.index] for k in (c.query, c.match)] for c in closures]
-    covered = np.array([all(places[k.robot][1][k.index] for k in (c.query, c.match)) for c in closures])
-    true_query, true_match = np.swapaxes(np.array(ends), 0, 1)
-    error = se3.between(np.stack([c.T_query_match for c in closures]), se3.between(true_query, true_match))
+    true_query, true_match, covered = _true_ends(closures, keyframes, truth, gap_s)
+    measured = np.array([c.T_query_match for c in closures]).reshape(-1, 4, 4)
+    error = se3.between(measured, se3.between(true_query, true_match))
     return np.linalg.norm(error[:, :3, 3], axis=1), np.degrees(se3.rotation_angle(error)), covered
+
+
+def _true_places(
+    keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
+) -> dict[str, tuple[FloatArray, np.ndarray]]:
+    """`truth_at` the keyframes of each robot."""
+    return {robot: truth_at(truth.get(robot), t.stamps_ns, gap_s) for robot, t in keyframes.items()}
+
+
+def _true_ends(
+    closures: Sequence[Closure], keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """True poses `(N, 4, 4)` of the closures' query and match, and for which closures ground truth covers both."""
+    places = _true_places(keyframes, truth, gap_s)
+    ends = np.array([[places[k.robot][0][k.index] for k in (c.query, c.match)] for c in closures]).reshape(-1, 2, 4, 4)
+    covered = np.array([all(places[k.robot][1][k.index] for k in (c.query, c.match)) for c in closures], bool)
+    return ends[:, 0], ends[:, 1], covered
