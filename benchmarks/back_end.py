@@ -20,6 +20,7 @@ import gtsam
 import networkx as nx
 import numpy as np
 from kitti import DATA, thirds
+from kitti import Team as Drive
 from scipy.spatial import cKDTree
 
 from wiclosure import se3
@@ -247,7 +248,7 @@ def kitti_08(arguments: argparse.Namespace) -> None:
         )
 
 
-def _on_kitti(team, rng: np.random.Generator, n_true: int, n_false: int) -> tuple[list[Closure], np.ndarray]:  # type: ignore[no-untyped-def]
+def _on_kitti(team: Drive, rng: np.random.Generator, n_true: int, n_false: int) -> tuple[list[Closure], np.ndarray]:
     """Between the first two thirds: 0.3 m and 1 degree off; false ones at any two places 50 m apart."""
     a, b = "alpha", "beta"
     T_a, T_b = team.truth[a].poses, team.truth[b].poses
