@@ -12,7 +12,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings, ScanContextSettings
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
-from wiclosure.frontends.keyframes import KeyframeSelector, LocalMap, thinned
+from wiclosure.frontends.keyframes import KeyframeCollector
 from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.recorded_odometry import RecordedOdometry
 from wiclosure.frontends.scan_context import describe
@@ -31,28 +31,28 @@ class OdometryRun:
 
     Args:
         settings: of odometry.
-        keyframes: which scans are kept, and how finely.
+        keyframes: which scans are kept, and how finely; each of several settings has a result of its own.
         robot: name of the robot, for messages.
         recorded: the robot's own odometry, of the LiDAR's frame; KISS-ICP's where there is none.
     """
 
     def __init__(
-        self, settings: OdometrySettings, keyframes: KeyframeSettings, robot: str, recorded: Trajectory | None = None
+        self,
+        settings: OdometrySettings,
+        keyframes: Sequence[KeyframeSettings],
+        robot: str,
+        recorded: Trajectory | None = None,
     ) -> None:
-        self._settings, self._keyframes = settings, keyframes
-        self._robot = robot
+        self._settings, self._robot = settings, robot
         self._odometry = KissOdometry(settings) if recorded is None else RecordedOdometry(settings, recorded)
-        self._selector = KeyframeSelector(keyframes)
+        self._keyframes = [KeyframeCollector(of) for of in keyframes]
         self._stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
-        self._clouds: list[Float32Array] = []
-        self._last = LocalMap(keyframes)
-        self._keyframe_indices: list[int] = []
         self._scans = self._sparse = self._late = self._outside = 0
         self._seconds = 0.0
 
     def process(self, scan: Scan) -> bool:
-        """Next scan in; whether it became a keyframe.
+        """Next scan in; whether it became a keyframe by the first settings.
 
         Scans with too few points and scans that do not follow the last in time are left out and counted.
         """
@@ -62,8 +62,8 @@ class OdometryRun:
         self._seconds += time.perf_counter() - started
         return chosen
 
-    def result(self) -> OdometryResult:
-        """All that was found so far.
+    def results(self) -> tuple[OdometryResult, ...]:
+        """All that was found so far, one for each settings of keyframes.
 
         Raises:
             InputError: no scan was usable.
@@ -75,13 +75,11 @@ class OdometryRun:
                 + (" and lies within the time of the odometry" if self._outside else "")
                 + "; check the topic and odometry.min_range_m and max_range_m"
             )
-        return OdometryResult(
-            stamps_ns=np.array(self._stamps_ns, np.int64),
-            poses=np.array(self._poses),
-            keyframe_indices=np.array(self._keyframe_indices, np.int64),
-            clouds=tuple(self._clouds),
-            counts=FrontEndCounts(self._scans, self._sparse, self._late, self._outside),
-            seconds=self._seconds,
+        stamps_ns, poses = np.array(self._stamps_ns, np.int64), np.array(self._poses)
+        counts = FrontEndCounts(self._scans, self._sparse, self._late, self._outside)
+        return tuple(
+            OdometryResult(stamps_ns, poses, kept.indices, kept.clouds, counts, self._seconds)
+            for kept in self._keyframes
         )
 
     def _usable(self, scan: Scan) -> bool:
@@ -103,18 +101,9 @@ class OdometryRun:
         stamp_ns, T_odom_body, points = self._odometry.register(scan)
         self._stamps_ns.append(stamp_ns)
         self._poses.append(T_odom_body)
-        if self._keyframes.scans > 1:
-            self._last.add(T_odom_body, self._odometry.thinned)
-        if not self._selector.select(T_odom_body):
-            return False
-        if self._keyframes.scans > 1:
-            self._clouds.append(self._last.seen_from(T_odom_body, self._odometry.voxel_size_m / 2))
-        elif self._keyframes.cloud_voxel_size_m is None:
-            self._clouds.append(self._odometry.thinned.astype(np.float32))
-        else:
-            self._clouds.append(thinned(points, self._keyframes.cloud_voxel_size_m))
-        self._keyframe_indices.append(len(self._poses) - 1)
-        return True
+        index = len(self._poses) - 1
+        chosen = [kept.add(index, T_odom_body, points, self._odometry) for kept in self._keyframes]
+        return chosen[0]
 
 
 def describe_all(clouds: Sequence[Float32Array], settings: ScanContextSettings) -> Descriptors:
@@ -152,7 +141,7 @@ class FrontEnd:
         recorded: Trajectory | None = None,
     ) -> None:
         self._settings, self._robot, self._drift = settings, robot, drift or DriftModel()
-        self._run = OdometryRun(settings.odometry, settings.keyframes, robot, recorded)
+        self._run = OdometryRun(settings.odometry, [settings.keyframes], robot, recorded)
 
     def process(self, scan: Scan) -> bool:
         """Next scan in; whether it became a keyframe."""
@@ -164,5 +153,5 @@ class FrontEnd:
         Raises:
             InputError: no scan was usable.
         """
-        went = self._run.result()
+        (went,) = self._run.results()
         return FrontEndResult.of(self._robot, self._drift, went, describe_all(went.clouds, self._settings.scan_context))

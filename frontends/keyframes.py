@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import KeyframeSettings
-from wiclosure.types import Float32Array, FloatArray
+from wiclosure.types import Float32Array, FloatArray, IntArray
 
 
 class KeyframeSelector:
@@ -47,6 +48,55 @@ class LocalMap:
         """All of them in the axes of this pose, `(M, 3)`; thinned to `voxel_m` unless the settings say otherwise."""
         clouds = [se3.transform(se3.between(T_odom_body, pose), points) for pose, points in self._scans]
         return thinned(np.concatenate(clouds), self._voxel_m or voxel_m)
+
+
+class Followed(Protocol):
+    """What has followed a scan."""
+
+    voxel_size_m: float
+
+    @property
+    def thinned(self) -> FloatArray | Float32Array:
+        """The last scan's points `(M, 3)`, one a voxel of half `voxel_size_m`."""
+        ...
+
+
+class KeyframeCollector:
+    """Keeps the keyframes of one robot's way: which scans they are, and their clouds."""
+
+    def __init__(self, settings: KeyframeSettings) -> None:
+        self._settings = settings
+        self._selector = KeyframeSelector(settings)
+        self._last = LocalMap(settings)
+        self._indices: list[int] = []
+        self._clouds: list[Float32Array] = []
+
+    def add(self, index: int, T_odom_body: FloatArray, points: FloatArray, odometry: Followed) -> bool:
+        """The next scan, `index` of the usable ones, its pose and deskewed points; whether it became a keyframe."""
+        if self._settings.scans > 1:
+            self._last.add(T_odom_body, odometry.thinned)
+        if not self._selector.select(T_odom_body):
+            return False
+        self._indices.append(index)
+        self._clouds.append(self._cloud(T_odom_body, points, odometry))
+        return True
+
+    @property
+    def indices(self) -> IntArray:
+        """`(K,)` which of the usable scans are keyframes."""
+        return np.array(self._indices, np.int64)
+
+    @property
+    def clouds(self) -> tuple[Float32Array, ...]:
+        """K clouds `(N_k, 3)` in the body's axes."""
+        return tuple(self._clouds)
+
+    def _cloud(self, T_odom_body: FloatArray, points: FloatArray, odometry: Followed) -> Float32Array:
+        if self._settings.scans > 1:
+            return self._last.seen_from(T_odom_body, odometry.voxel_size_m / 2)
+        if self._settings.cloud_voxel_size_m is None:
+            return odometry.thinned.astype(np.float32)
+        return thinned(points, self._settings.cloud_voxel_size_m)
 
 
 def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:

@@ -20,7 +20,7 @@ from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.run import Prepared, candidate_filter, prepare, run
 from wiclosure.pipeline.run_folder import write_run
-from wiclosure.pipeline.solve import Registered
+from wiclosure.pipeline.verification import Known
 from wiclosure.simulation.names import lookup
 from wiclosure.wiclosure_filter.registry import FILTERS
 
@@ -132,9 +132,12 @@ def _compare_in(
     for config in plan.configs.values():
         for name in plan.filters:
             candidate_filter(name, inputs, config)  # whatever cannot run fails before the work
-    for configs in _with_equal_front_ends(plan.configs):
-        shared = prepare(inputs, next(iter(configs.values())), cache=cache, jobs=jobs, progress=progress)
-        known: dict[object, dict[object, Registered]] = {}
+    groups = _with_equal_front_ends(plan.configs)
+    firsts = [next(iter(configs.values())) for configs in groups]
+    for number, configs in enumerate(groups):
+        later = firsts[number + 1 :]
+        shared = prepare(inputs, firsts[number], cache=cache, jobs=jobs, progress=progress, also=later)
+        known: dict[object, Known] = {}
         for preset, config in configs.items():
             prepared = replace(shared, config=config, known=known.setdefault(config.registration, {}))
             yield from _compare_filters(prepared, preset, world, plan, folder, progress)

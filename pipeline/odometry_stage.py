@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from multiprocessing import active_children, get_context
+from concurrent.futures import FIRST_COMPLETED, wait
+from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from typing import TypeAlias
 
-from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
 from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.inputs import RobotInput
+from wiclosure.pipeline.processes import side_by_side
 from wiclosure.pipeline.progress import Progress
 from wiclosure.types import Scan
 
@@ -26,7 +25,13 @@ _REPORT_S = 0.1
 
 
 def front_ends(
-    robots: Sequence[RobotInput], config: Config, *, cache: StageCache, jobs: int, progress: Progress
+    robots: Sequence[RobotInput],
+    config: Config,
+    *,
+    cache: StageCache,
+    jobs: int,
+    progress: Progress,
+    also: Sequence[Config] = (),
 ) -> tuple[dict[str, FrontEndResult], tuple[str, ...]]:
     """Odometry, keyframes and descriptors of every robot, and the names of those whose odometry was in the cache.
 
@@ -36,15 +41,17 @@ def front_ends(
         cache: results of earlier runs.
         jobs: processes; each works on one robot at a time, and on one core. Results are the same for any number.
         progress: shows how far it is.
+        also: configurations that will be asked for next; where only their keyframes differ, one odometry serves all,
+            and the cache keeps what it gave.
 
     Raises:
         InputError: a recording cannot be read, or has no usable scan.
     """
     with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as shown:
         if jobs > 1 and len(robots) > 1:
-            done = _in_processes(robots, config, cache, min(jobs, len(robots)), shown)
+            done = _in_processes(robots, [config, *also], cache, min(jobs, len(robots)), shown)
         else:
-            done = [_front_end(robot, config, cache, shown) for robot in robots]
+            done = [_front_end(robot, [config, *also], cache, shown) for robot in robots]
     reused = tuple(result.robot for result, from_cache in done if from_cache)
     return {result.robot: result for result, _ in done}, reused
 
@@ -67,17 +74,11 @@ def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
 
 
 def _in_processes(
-    robots: Sequence[RobotInput], config: Config, cache: StageCache, jobs: int, shown: Shown
+    robots: Sequence[RobotInput], configs: Sequence[Config], cache: StageCache, jobs: int, shown: Shown
 ) -> list[tuple[FrontEndResult, bool]]:
-    """One robot a process; when this one is interrupted, the workers are ended and not waited for."""
-    # Ctrl-C reaches workers too, even while they still import: they inherit that it is none of their business.
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    fresh = get_context("spawn")
-    reports: SimpleQueue[tuple[str, int]] = fresh.SimpleQueue()
-    pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.start, initargs=(reports,))
-    try:
-        work = [pool.submit(_Worker.front_end, robot, config, cache) for robot in robots]
-        signal.signal(signal.SIGINT, handler)
+    """One robot a process."""
+    reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
+    with side_by_side(_Worker.front_end, robots, jobs, begin=_Worker.begin, given=(configs, cache, reports)) as work:
         waiting = set(work)
         while waiting:
             done, waiting = wait(waiting, timeout=2 * _REPORT_S, return_when=FIRST_COMPLETED)
@@ -86,38 +87,36 @@ def _in_processes(
             for future in done:
                 future.result()  # whatever one robot lacks is said at once, not after the others are done
         return [future.result() for future in work]
-    except BaseException:
-        for worker in active_children():
-            worker.terminate()
-        raise
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        pool.shutdown(cancel_futures=True)
 
 
 class _Worker:
     """What happens in another process; its reports go to the first one."""
 
+    configs: Sequence[Config]
+    cache: StageCache
     reports: SimpleQueue[tuple[str, int]]
 
     @classmethod
-    def start(cls, reports: SimpleQueue[tuple[str, int]]) -> None:
-        cls.reports = reports
+    def begin(cls, configs: Sequence[Config], cache: StageCache, reports: SimpleQueue[tuple[str, int]]) -> None:
+        cls.configs, cls.cache, cls.reports = configs, cache, reports
 
     @classmethod
-    def front_end(cls, robot: RobotInput, config: Config, cache: StageCache) -> tuple[FrontEndResult, bool]:
-        return _front_end(robot, config, cache, lambda name, scans: cls.reports.put((name, scans)))
+    def front_end(cls, robot: RobotInput) -> tuple[FrontEndResult, bool]:
+        return _front_end(robot, cls.configs, cls.cache, lambda name, scans: cls.reports.put((name, scans)))
 
 
-def _front_end(robot: RobotInput, config: Config, cache: StageCache, shown: Shown) -> tuple[FrontEndResult, bool]:
+def _front_end(
+    robot: RobotInput, configs: Sequence[Config], cache: StageCache, shown: Shown
+) -> tuple[FrontEndResult, bool]:
     """Each stage depends on what it uses, and on no other setting: another descriptor needs no new odometry."""
-    odometry = [robot.robot, robot.identity, _of_odometry(config.odometry), config.keyframes.model_dump()]
+    config = configs[0]
+    odometry = _of_odometry(robot, config)
     went, from_cache = cache.reuse(
         "odometry",
         odometry,
         load=OdometryResult.load,
         save=OdometryResult.save,
-        compute=lambda: _odometry(robot, config, shown),
+        compute=lambda: _odometry(robot, configs, cache, shown),
     )
     described, _ = cache.reuse(
         "descriptors",
@@ -129,17 +128,24 @@ def _front_end(robot: RobotInput, config: Config, cache: StageCache, shown: Show
     return FrontEndResult.of(robot.robot, config.drift, went, described), from_cache
 
 
-def _of_odometry(settings: OdometrySettings) -> dict[str, object]:
-    """The settings that change the result."""
-    return settings.model_dump(exclude={"num_threads"})
+def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
+    """What the result of odometry depends on."""
+    settings = config.odometry.model_dump(exclude={"num_threads"})
+    return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
 
 
-def _odometry(robot: RobotInput, config: Config, shown: Shown) -> OdometryResult:
+def _odometry(robot: RobotInput, configs: Sequence[Config], cache: StageCache, shown: Shown) -> OdometryResult:
+    """By the first configuration; the cache takes what the others with the same odometry will need."""
+    config = configs[0]
     recorded = robot.odometry if config.odometry.source == "recorded" else None
-    run = OdometryRun(config.odometry, config.keyframes, robot.robot, recorded)
+    others = [c for c in configs[1:] if cache.folder is not None and c.odometry == config.odometry]
+    run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
     for scan in _reported(robot.scans, robot.robot, shown):
         run.process(scan)
-    return run.result()
+    result, *further = run.results()
+    for other, found in zip(others, further, strict=True):
+        cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
+    return result
 
 
 def _reported(scans: Iterable[Scan], robot: str, shown: Shown) -> Iterator[Scan]:

@@ -107,7 +107,9 @@ class Reading:
 class Working:
     """How the work is done and shown."""
 
-    jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="processes for odometry, one robot each")] = 1
+    jobs: Annotated[
+        int, typer.Option("-j", "--jobs", min=1, help="processes: a robot each for odometry, then registrations")
+    ] = 1
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage anew, and keep none")] = False
     quiet: Quiet = False
     as_json: Json = False

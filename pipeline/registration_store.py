@@ -12,7 +12,7 @@ import numpy as np
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.pipeline.cache import StageCache
-from wiclosure.pipeline.solve import Registered
+from wiclosure.pipeline.verification import Known, Registered, Start
 from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId
 
 _STAGE = "registrations"
@@ -32,14 +32,14 @@ class RegistrationStore:
     fronts: Mapping[str, FrontEndResult]
     settings: RegistrationSettings
 
-    def recall(self, known: dict[object, Registered]) -> int:
+    def recall(self, known: Known) -> int:
         """Adds those of earlier runs to `known`, which has how many then."""
         if self.cache.folder is not None:
             for key, registered in (self.cache.find(_STAGE, self._depends_on(), load=_load) or {}).items():
                 known.setdefault(key, registered)
         return len(known)
 
-    def keep(self, known: Mapping[object, Registered]) -> None:
+    def keep(self, known: Known) -> None:
         """Keeps all for later runs."""
         if self.cache.folder is not None:
             self.cache.keep(_STAGE, self._depends_on(), known, save=_save)
@@ -57,28 +57,27 @@ def _digest(clouds: tuple[Float32Array, ...]) -> str:
     return digest.hexdigest()
 
 
-def _save(known: Mapping[object, Registered], path: Path) -> None:
-    keys = [key for key in known if isinstance(key, tuple)]
-    closures = [known[key].closure for key in keys]
+def _save(known: Known, path: Path) -> None:
+    closures = [registered.closure for registered in known.values()]
     with path.open("wb") as file:
         np.savez(
             file,
             robots=np.array([[c.query.robot, c.match.robot] for c in closures]),
             indices=np.array([[c.query.index, c.match.index] for c in closures]),
-            starts=np.array([_start_row(key) for key in keys]),
+            starts=np.array([start.row for start in known]),
             poses=np.array([c.T_query_match for c in closures]),
             covariances=np.array([c.covariance for c in closures]),
             evidence=np.array([astuple(c.evidence) for c in closures], np.float64),
             decisions=np.array([c.decision.value for c in closures]),
             reasons=np.array([c.reason for c in closures]),
-            seconds=np.array([known[key].seconds for key in keys]),
+            seconds=np.array([registered.seconds for registered in known.values()]),
         )
 
 
-def _load(path: Path) -> dict[object, Registered]:
+def _load(path: Path) -> Known:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
         content = {name: pack[name] for name in pack.files}
-    known: dict[object, Registered] = {}
+    known: Known = {}
     for row, (robots, indices) in enumerate(zip(content["robots"], content["indices"], strict=True)):
         query, match = (KeyframeId(str(r), int(i)) for r, i in zip(robots, indices, strict=True))
         closure = Closure(
@@ -90,7 +89,8 @@ def _load(path: Path) -> dict[object, Registered]:
             decision=Decision(str(content["decisions"][row])),
             reason=str(content["reasons"][row]),
         )
-        known[(query, match, *_start(content["starts"][row]))] = Registered(closure, float(content["seconds"][row]))
+        start = Start(query, match, content["starts"][row].tobytes())
+        known[start] = Registered(closure, float(content["seconds"][row]))
     return known
 
 
@@ -98,18 +98,3 @@ def _evidence(row: FloatArray) -> Evidence:
     values = {field.name: float(value) for field, value in zip(fields(Evidence), row, strict=True)}
     inliers, consistent_with = (int(values.pop(name)) for name in ("inliers", "consistent_with"))
     return Evidence(**values, inliers=inliers, consistent_with=consistent_with)
-
-
-def _start_row(key: tuple[object, ...]) -> FloatArray:
-    """Where a registration began as 53 numbers: predicted pose and covariance, or else scan context's yaw."""
-    row = np.full(53, np.nan)
-    for part, place in zip(key[2:], (slice(0, 16), slice(16, 52)), strict=False):
-        if isinstance(part, bytes):
-            row[place] = np.frombuffer(part)
-        else:
-            row[52] = part
-    return row
-
-
-def _start(row: FloatArray) -> list[bytes | float]:
-    return [float(row[52])] if np.isnan(row[0]) else [row[:16].tobytes(), row[16:52].tobytes()]

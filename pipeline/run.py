@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import carried
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.registration import Registration
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.cache import StageCache
@@ -21,8 +20,9 @@ from wiclosure.pipeline.metrics import Metrics
 from wiclosure.pipeline.odometry_stage import front_ends, left_out
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.registration_store import RegistrationStore
-from wiclosure.pipeline.solve import Registered, RegistrationMemory, Solution, solve
-from wiclosure.types import Trajectory
+from wiclosure.pipeline.solve import Solution, solve
+from wiclosure.pipeline.verification import Known, Verification
+from wiclosure.types import KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
 
 logger = logging.getLogger(__name__)
@@ -63,15 +63,17 @@ class Prepared:
         known: registrations done so far with these clouds and settings.
         cache: keeps them for later invocations.
         shared: whether another run of this invocation has paid for the front ends already.
+        jobs: processes for registrations.
     """
 
     inputs: Inputs
     config: Config
     fronts: dict[str, FrontEndResult]
     from_cache: tuple[str, ...]
-    known: dict[object, Registered] = field(default_factory=dict)
+    known: Known = field(default_factory=dict)
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
+    jobs: int = 1
 
 
 def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
@@ -84,20 +86,28 @@ def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilt
     return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None)
 
 
-def prepare(inputs: Inputs, config: Config, *, cache: StageCache, jobs: int, progress: Progress) -> Prepared:
-    """Every robot's own part: odometry, keyframes, descriptors."""
-    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress)
-    return Prepared(inputs, config, fronts, from_cache, cache=cache)
+def prepare(
+    inputs: Inputs,
+    config: Config,
+    *,
+    cache: StageCache,
+    jobs: int,
+    progress: Progress,
+    also: Sequence[Config] = (),
+) -> Prepared:
+    """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`."""
+    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
+    return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
 
 
 def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
     """Filters, matches, verifies, optimises, maps and evaluates."""
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
-    # A registration of its own for every run: preparing a cloud is part of what each run costs.
-    memory = RegistrationMemory(Registration(config.registration), prepared.known)
+    clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
+    verification = Verification(config.registration, clouds, prepared.known, prepared.jobs)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
-    solution = solve(fronts, inputs.wireless, chosen, config, memory=memory, progress=progress)
+    solution = solve(fronts, inputs.wireless, chosen, config, verification=verification, progress=progress)
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {

@@ -15,12 +15,12 @@ from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import GraphResult, optimise
 from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
 from wiclosure.frontends.matching import MatchResult, match
-from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.revisits import revisits
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.progress import Progress
-from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, KeyframeId, Prior, WirelessLog
+from wiclosure.pipeline.verification import Verification
+from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, KeyframeId, WirelessLog
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class Solution:
         verified: the same closures as the registration left them.
         consistent: the same closures as PCM left them.
         graph: trajectories in one world frame.
-        seconds: wall time a stage, as if nothing had been computed before.
+        seconds: time a stage, as if nothing had been computed before; of registrations side by side, their sum.
         seconds_spent: wall time really spent, registrations that other arms had done left out.
         bytes_exchanged: what the robots would have sent each other.
         diagnosis: sentences for the user: why there are few or no closures.
@@ -57,44 +57,13 @@ class Solution:
     diagnosis: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Registered:
-    """A verified or rejected closure, and the seconds that its registration took."""
-
-    closure: Closure
-    seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class RegistrationMemory:
-    """Registrations done before, by all that they depend on.
-
-    Arms of a comparison share `known`: a pair registered from the same start is registered once, and its time is
-    charged to every arm that needs it.
-    """
-
-    registration: Registration
-    known: dict[object, Registered]
-
-    def verify(self, proposed: Closure, fronts: Mapping[str, FrontEndResult], prior: Prior | None) -> Registered:
-        """The closure measured, now or before."""
-        start = [part.tobytes() for part in prior] if prior is not None else [proposed.evidence.scan_context_yaw]
-        key = (proposed.query, proposed.match, *start)
-        if key not in self.known:
-            began = time.perf_counter()
-            query, match_ = (fronts[k.robot].clouds[k.index] for k in (proposed.query, proposed.match))
-            verified = self.registration.verify(proposed, query, match_, prior)
-            self.known[key] = Registered(verified, time.perf_counter() - began)
-        return self.known[key]
-
-
 def solve(
     fronts: Mapping[str, FrontEndResult],
     wireless: WirelessLog,
     candidate_filter: CandidateFilter,
     config: Config,
     *,
-    memory: RegistrationMemory,
+    verification: Verification,
     progress: Progress,
 ) -> Solution:
     """Filter, match, verify, check consistency, optimise."""
@@ -118,7 +87,7 @@ def solve(
         for pairs in candidates
     )
     began = time.perf_counter()
-    verified, verification_s = _verify(candidates, matched, fronts, memory, progress)
+    verified, verification_s = _verify(candidates, matched, verification, progress)
     verification_spent_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
@@ -154,17 +123,16 @@ def solve(
 def _verify(
     pairs: Sequence[CandidatePairs],
     matched: Sequence[MatchResult],
-    fronts: Mapping[str, FrontEndResult],
-    memory: RegistrationMemory,
+    verification: Verification,
     progress: Progress,
 ) -> tuple[list[Closure], float]:
     """Registers every proposed closure; the seconds count shared registrations in full."""
-    work = [
+    proposed = [
         (closure, (closure.T_query_match, closure.covariance) if of.predictor is not None else None)
         for of, result in zip(pairs, matched, strict=True)
         for closure in result.closures
     ]
-    done = [memory.verify(closure, fronts, prior) for closure, prior in progress.track(work, "registration", len(work))]
+    done = verification.verify(proposed, progress)
     return [registered.closure for registered in done], sum(registered.seconds for registered in done)
 
 

@@ -59,10 +59,10 @@ def test_a_walk_through_a_room_is_followed_and_its_keyframes_are_poses_of_it() -
 
 
 def test_saved_stages_are_read_back_the_same(tmp_path: Path) -> None:
-    run = OdometryRun(SETTINGS.odometry, SETTINGS.keyframes, "alpha")
+    run = OdometryRun(SETTINGS.odometry, [SETTINGS.keyframes], "alpha")
     for k in range(12):
         run.process(Scan(k * 100_000_000, room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])))))
-    saved = run.result()
+    (saved,) = run.results()
     saved.save(tmp_path / "alpha.cache")
     loaded = OdometryResult.load(tmp_path / "alpha.cache")
     assert (loaded.counts, loaded.seconds) == (saved.counts, saved.seconds)
@@ -77,6 +77,24 @@ def test_saved_stages_are_read_back_the_same(tmp_path: Path) -> None:
     again = Descriptors.load(tmp_path / "descriptors")
     np.testing.assert_array_equal(again.images, described.images)
     assert again.seconds == described.seconds
+
+
+def test_keyframes_of_several_settings_are_those_of_each_alone() -> None:
+    settings = [KeyframeSettings(distance_m=0.5), KeyframeSettings(distance_m=0.8, cloud_voxel_size_m=0.4)]
+    scans = [Scan(k * 10**8, room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])))) for k in range(12)]
+
+    def results(of: list[KeyframeSettings]) -> tuple[OdometryResult, ...]:
+        run = OdometryRun(SETTINGS.odometry, of, "alpha")
+        for scan in scans:
+            run.process(scan)
+        return run.results()
+
+    for setting, together in zip(settings, results(settings), strict=True):
+        (alone,) = results([setting])
+        np.testing.assert_array_equal(together.poses, alone.poses)
+        assert together.keyframe_indices.tolist() == alone.keyframe_indices.tolist()
+        for cloud, expected in zip(together.clouds, alone.clouds, strict=True):
+            np.testing.assert_array_equal(cloud, expected)
 
 
 def test_a_result_carries_robot_and_drift_of_the_run() -> None:
@@ -103,9 +121,9 @@ def test_a_cloud_of_several_scans_shows_what_each_of_them_shows() -> None:
 @pytest.mark.parametrize("damage", ["cut to 0", "cut to 10", "cut to 500", "a byte turned"])
 def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "alpha.cache"
-    run = OdometryRun(SETTINGS.odometry, SETTINGS.keyframes, "alpha")
+    run = OdometryRun(SETTINGS.odometry, [SETTINGS.keyframes], "alpha")
     run.process(Scan(0, room(np.eye(4))))
-    run.result().save(path)
+    run.results()[0].save(path)
     content = bytearray(path.read_bytes())
     if damage == "a byte turned":
         content[len(content) // 2] ^= 0xFF

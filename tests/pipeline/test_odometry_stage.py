@@ -98,6 +98,20 @@ def test_settings_that_a_stage_does_not_use_do_not_compute_it_again(tmp_path: Pa
     assert computed(keyframes={"distance_m": 2.0}) == 2
 
 
+def test_one_odometry_serves_configurations_of_which_only_keyframes_differ(tmp_path: Path) -> None:
+    fine, coarse = Config(), Config.model_validate({"keyframes": {"distance_m": 2.0, "cloud_voxel_size_m": 0.3}})
+    other = Config.model_validate({"odometry": {"voxel_size_m": 0.7}})
+    cache = StageCache(tmp_path)
+    front_ends([robot(SCANS)], fine, cache=cache, jobs=1, progress=NoProgress(), also=[coarse, other])
+    found, reused = front_ends([robot(SCANS)], coarse, cache=cache, jobs=1, progress=NoProgress())
+    assert reused == ("alpha",)
+    alone, _ = front_ends([robot(SCANS)], coarse, cache=StageCache(None), jobs=1, progress=NoProgress())
+    assert found["alpha"].keyframe_indices.tolist() == alone["alpha"].keyframe_indices.tolist()
+    for cloud, expected in zip(found["alpha"].clouds, alone["alpha"].clouds, strict=True):
+        np.testing.assert_array_equal(cloud, expected)
+    assert front_ends([robot(SCANS)], other, cache=cache, jobs=1, progress=NoProgress())[1] == ()
+
+
 def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -> None:
     for walk in (0.05, 0.5):
         config = Config.model_validate({"drift": {"translation_walk": walk}})

@@ -12,7 +12,7 @@ from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, OdometryResult
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.registration_store import RegistrationStore
-from wiclosure.pipeline.solve import Registered
+from wiclosure.pipeline.verification import Known, Registered, Start
 from wiclosure.types import Closure, Decision, Evidence, KeyframeId
 
 
@@ -38,19 +38,16 @@ def registered(decision: Decision, reason: str) -> Registered:
 
 
 PRIOR = (se3.from_yaw(0.1, np.array([1.0, 0.0, 0.0])), 0.5 * np.eye(6))
-KNOWN: dict[object, Registered] = {
-    (KeyframeId("alpha", 0), KeyframeId("beta", 1), *(part.tobytes() for part in PRIOR)): registered(
-        Decision.VERIFIED, "it fits"
-    ),
-    (KeyframeId("alpha", 0), KeyframeId("beta", 1), 0.7): registered(Decision.REJECTED, "ambiguous: ä"),
-}
+VERIFIED = registered(Decision.VERIFIED, "it fits")
+REJECTED = registered(Decision.REJECTED, "ambiguous: ä")
+KNOWN: Known = {Start.of(VERIFIED.closure, PRIOR): VERIFIED, Start.of(REJECTED.closure, None): REJECTED}
 
 
 def test_registrations_come_back_as_they_were_for_the_same_clouds_and_settings_only(tmp_path: Path) -> None:
     cache, settings = StageCache(tmp_path), RegistrationSettings()
     fronts = {robot: front(robot) for robot in ("alpha", "beta")}
     RegistrationStore(cache, fronts, settings).keep(KNOWN)
-    known: dict[object, Registered] = {}
+    known: Known = {}
     assert RegistrationStore(cache, fronts, settings).recall(known) == 2
     assert known.keys() == KNOWN.keys()
     for key, expected in KNOWN.items():
