@@ -14,7 +14,7 @@ from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.inputs import RobotInput
-from wiclosure.pipeline.processes import side_by_side
+from wiclosure.pipeline.processes import require_wanted, side_by_side
 from wiclosure.pipeline.progress import Progress
 from wiclosure.types import Scan
 
@@ -152,6 +152,7 @@ def _reported(scans: Iterable[Scan], robot: str, shown: Shown) -> Iterator[Scan]
     """The same scans; how many passed is shown some times a second, and at the end."""
     count, last_s = 0, time.monotonic()
     for scan in scans:
+        require_wanted()
         yield scan
         count += 1
         if time.monotonic() - last_s > _REPORT_S:

@@ -1,4 +1,4 @@
-"""Work in processes side by side that ends at once when the one who waits for it is interrupted."""
+"""Work in processes side by side that ends soon when nobody waits for it any more."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.synchronize import Event
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -24,6 +25,8 @@ def side_by_side(
 ) -> Iterator[list[Future[Result]]]:
     """Every item is worked on in one of `jobs` fresh processes; entering gives what to wait for, in the items' order.
 
+    Leaving with an exception, an interruption too, tells the processes to end, see `require_wanted`.
+
     Args:
         work: a function of a module, on one item.
         items: what is sent to the processes, one by one.
@@ -31,18 +34,44 @@ def side_by_side(
         begin: called in each process before any work.
         given: its arguments.
     """
+    # Forked processes would inherit locks that other libraries' threads hold.
+    fresh = get_context("spawn")
+    unwanted = fresh.Event()
     # Ctrl-C reaches workers too, even while they still import: they inherit that it is none of their business.
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Forked processes would inherit locks that other libraries' threads hold.
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=begin, initargs=given)
+    pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
     try:
         futures = [pool.submit(work, item) for item in items]
         signal.signal(signal.SIGINT, handler)
         yield futures
     except BaseException:
-        for worker in active_children():
-            worker.terminate()
+        # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
+        unwanted.set()
         raise
     finally:
         signal.signal(signal.SIGINT, handler)
         pool.shutdown(cancel_futures=True)
+
+
+def require_wanted() -> None:
+    """To be called now and then in long work: ends it when nobody waits for its result any more.
+
+    Raises:
+        InterruptedError: this is a worker, and the process that began it was interrupted or is gone.
+    """
+    if _Worker.unwanted is None:
+        return
+    parent = parent_process()
+    if _Worker.unwanted.is_set() or parent is None or not parent.is_alive():
+        raise InterruptedError("nobody waits for this work any more")
+
+
+class _Worker:
+    """What a worker knows of the process that began it."""
+
+    unwanted: Event | None = None
+
+    @classmethod
+    def begin(cls, unwanted: Event, begin: Callable[..., None], given: tuple[object, ...]) -> None:
+        cls.unwanted = unwanted
+        begin(*given)

@@ -12,7 +12,7 @@ import numpy as np
 
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.registration import Registration
-from wiclosure.pipeline.processes import side_by_side
+from wiclosure.pipeline.processes import require_wanted, side_by_side
 from wiclosure.pipeline.progress import Progress
 from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Prior
 
@@ -138,6 +138,7 @@ class _Worker:
 
 
 def _registered(registration: Registration, work: _Work, clouds: Clouds) -> tuple[Start, Registered]:
+    require_wanted()
     began = time.perf_counter()
     closure = registration.verify(work.proposed, clouds[work.start.query], clouds[work.start.match], work.prior)
     return work.start, Registered(closure, time.perf_counter() - began)

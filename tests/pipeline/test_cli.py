@@ -312,8 +312,8 @@ def test_full_disk_leaves_the_old_result(wiclosure: Call, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str) -> None:
+@pytest.mark.parametrize(("jobs", "how"), [("1", signal.SIGINT), ("2", signal.SIGINT), ("2", signal.SIGTERM)])
+def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str, how: signal.Signals) -> None:
     write_kitti_folder("alpha", SCANS)
     write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
     command = [sys.executable, "-m", "wiclosure.pipeline.cli", "run", "alpha", "beta", "--out", "run", "-q", "-j", jobs]
@@ -322,13 +322,20 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str)
     deadline = time.monotonic() + 60
     while not (finished.is_dir() and list(finished.glob("odometry-*"))) and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    if how is signal.SIGINT:
+        os.killpg(process.pid, how)  # as a terminal does: to the workers too
+    else:
+        process.send_signal(how)  # as `kill` and `timeout` do: to the command alone
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.strip() == "interrupted: nothing is written; finished odometry is kept, unless with --no-cache"
     assert not Path("run").exists()
     assert not list(tmp_path.glob(".run*"))
     assert len(list(finished.glob("odometry-*"))) == 1
+    processes = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True)
+    words = [line.split(maxsplit=2) for line in processes.stdout.splitlines()]
+    left_behind = [w for w in words if w[0] == str(process.pid) and not w[1].startswith("Z")]
+    assert not [w for w in left_behind if "resource_tracker" not in w[2]]
 
 
 def test_heavy_libraries_wait_until_they_serve() -> None:
