@@ -66,7 +66,7 @@ def align(
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
     settle = _settled_level if settings.gravity_aligned else _settled_in_space
-    best, covariance, runner_up, verdict = settle(found, links, both, settings)
+    best, covariance, others, verdict = settle(found, links, both, settings)
     return FrameAlignment(
         robot_a=robot_a,
         robot_b=robot_b,
@@ -74,8 +74,9 @@ def align(
         covariance=covariance,
         ambiguous=verdict.ambiguous,
         reason="; ".join((verdict.reason, *links.left_out)),
-        runner_up=runner_up,
+        runner_up=others[0] if others else None,
         heading_knowledge=knowledge,
+        rivals=others if verdict.rivals else (),
     )
 
 
@@ -104,19 +105,19 @@ def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
     return partner
 
 
-_Settled = tuple[AlignmentHypothesis, FloatArray, AlignmentHypothesis | None, Verdict]
+_Settled = tuple[AlignmentHypothesis, FloatArray, tuple[AlignmentHypothesis, ...], Verdict]
 
 
 def _settled_level(
     found: AnchoredPeaks, links: Links, trajectories: tuple[Trajectory, Trajectory], settings: AlignmentSettings
 ) -> _Settled:
-    """Best alignment, its covariance, the best different one, and the guard's verdict, between level frames."""
+    """Best alignment, its covariance, different ones, the best first, and the guard's verdict, between level frames."""
     verdict = judge(found.peaks, found.mixture, found.prior, settings)
     best, covariance = _followed(found, verdict.best, links, trajectories, settings, verdict.covariance)
-    runner_up = None
-    if verdict.runner_up is not None:
-        runner_up, _ = _followed(found, verdict.runner_up, links, trajectories, settings, verdict.covariance)
-    return best, covariance, runner_up, verdict
+    others = tuple(
+        _followed(found, row, links, trajectories, settings, verdict.covariance)[0] for row in verdict.others
+    )
+    return best, covariance, others, verdict
 
 
 def _settled_in_space(
@@ -126,17 +127,15 @@ def _settled_in_space(
     peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, settings)
     verdict = judge(peaks.level, found.mixture, found.prior, settings, peaks.explanation)
     counted = found.mixture.observations.independence
-    hypotheses = [
+    best, *others = (
         AlignmentHypothesis(
             T_a_b=peaks.T_a_b[row],
             log_likelihood=float(peaks.explanation.log_likelihood[row] @ counted),
             paths_kept=_paths_kept(peaks.explanation.at(row), links, None),
         )
-        for row in (verdict.best, verdict.runner_up)
-        if row is not None
-    ]
-    runner_up = hypotheses[1] if len(hypotheses) > 1 else None
-    return hypotheses[0], peaks.covariance[verdict.best], runner_up, verdict
+        for row in (verdict.best, *verdict.others)
+    )
+    return best, peaks.covariance[verdict.best], tuple(others), verdict
 
 
 def _followed(

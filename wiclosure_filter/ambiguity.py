@@ -17,6 +17,8 @@ from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.refinement import Peaks, Prior, displacement_m, explained
 
+_MOST_PLACES = 4  # the search follows six peaks to their tops: of more places than these it may have missed some
+
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
@@ -28,6 +30,8 @@ class Verdict:
         covariance: `(4, 4)` of the best state; peaks too near to be called different are folded in.
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence.
+        rivals: rows of other peaks that are likely too, where that is the only doubt and they are few: with `best`
+            they hold the odds against all others that a certain alignment would.
     """
 
     best: int
@@ -35,6 +39,12 @@ class Verdict:
     covariance: FloatArray
     ambiguous: bool
     reason: str
+    rivals: tuple[int, ...] = ()
+
+    @property
+    def others(self) -> tuple[int, ...]:
+        """Rows of different peaks, the best first: the rivals, or only the runner-up."""
+        return self.rivals or (() if self.runner_up is None else (self.runner_up,))
 
 
 def judge(
@@ -63,15 +73,18 @@ def judge(
     runner_up = int(np.flatnonzero(different)[np.argmax(evidence[different])]) if different.any() else None
 
     explanation = explained(peaks.states[best], mixture) if explanation is None else explanation.at(best)
+    little = _too_few(explanation, mixture, prior, settings)
+    rival = _rivals(evidence, different, apart, settings)
     doubts = [
         _unobservable(covariance, distance, mixture, settings),
-        _too_few(explanation, mixture, prior, settings),
-        _rivals(evidence, different, apart, settings),
-        _chance(float(peaks.log_posterior[best]), covariance, distance, prior, settings),
+        little,
+        rival,
+        _chance(_log_mass(peaks, best, covariance), distance, prior, settings),
     ]
     reasons = [doubt for doubt in doubts if doubt]
     reason = reasons[0] if reasons else _support(explanation, mixture)
-    return Verdict(best, runner_up, covariance, bool(reasons), reason)
+    rivals = _likely_rivals(peaks, evidence, best, mixture, prior, settings) if rival and not little else ()
+    return Verdict(best, runner_up, covariance, bool(reasons), reason, rivals)
 
 
 def log_evidence(peaks: Peaks) -> FloatArray:
@@ -133,12 +146,40 @@ def _rivals(evidence: FloatArray, different: BoolArray, apart: FloatArray, setti
     return f"an alignment {apart[rival]:.1f} m away is nearly as likely (odds {odds:.1f} to 1)"
 
 
-def _chance(value: float, covariance: FloatArray, distance: float, prior: Prior, settings: AlignmentSettings) -> str:
+def _likely_rivals(
+    peaks: Peaks, evidence: FloatArray, best: int, mixture: Mixture, prior: Prior, settings: AlignmentSettings
+) -> tuple[int, ...]:
+    """Places that with the best hold the odds against all others, and together explain more than chance.
+
+    None where they are many, or one is vague.
+    """
+    guard, observations = settings.guard, mixture.observations
+    distance = observations.typical_distance_m
+    places, masses, left = [best], [], np.ones(len(peaks), bool)
+    while len(places) <= _MOST_PLACES:
+        apart = displacement_m(peaks.states, peaks.states[places[-1]], observations)
+        here = apart <= guard.same_place_fraction * distance
+        covariance = _covariance(peaks, evidence, places[-1], here)
+        if _unobservable(covariance, distance, mixture, settings):
+            return ()
+        masses.append(_log_mass(peaks, places[-1], covariance))
+        left &= ~here
+        if not left.any() or logsumexp(evidence[~left]) - logsumexp(evidence[left]) >= np.log(guard.min_odds):
+            return () if _chance(float(logsumexp(masses)), distance, prior, settings) else tuple(places[1:])
+        places.append(int(np.flatnonzero(left)[np.argmax(evidence[left])]))
+    return ()
+
+
+def _log_mass(peaks: Peaks, row: int, covariance: FloatArray) -> float:
+    """Logarithm of the posterior's integral over a peak."""
+    return float(peaks.log_posterior[row] + np.linalg.slogdet(2 * np.pi * covariance)[1] / 2)
+
+
+def _chance(log_mass: float, distance: float, prior: Prior, settings: AlignmentSettings) -> str:
     """Bayes factor of the alignment against "all that was measured is noise"."""
     searched = np.log(np.pi * (2 * distance) ** 2) + np.log(np.sqrt(2 * np.pi) * prior.height_sigma_m)
     searched += np.log(np.sqrt(2 * np.pi) * prior.yaw_sigma if np.isfinite(prior.yaw) else 2 * np.pi)
-    mass = value + np.linalg.slogdet(2 * np.pi * covariance)[1] / 2
-    if mass - searched >= np.log(settings.guard.min_odds):
+    if log_mass - searched >= np.log(settings.guard.min_odds):
         return ""
     return "the measurements agree no better than chance would have it"
 

@@ -112,8 +112,8 @@ class FilterSettings(Settings):
     gate: GateSettings = GateSettings()
     on_ambiguous: Literal["pass", "reject", "raise"] = Field(
         default="pass",
-        description="where the radio cannot tell how two robots' frames lie: pass every pair, reject every pair, or"
-        " stop with an error",
+        description="where the radio cannot tell how two robots' frames lie: pass what the few alignments that are left"
+        " allow (every pair, if they are many), reject every pair, or stop with an error",
     )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -20,10 +20,11 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.alignment import align
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.gates import make_gate
-from wiclosure.wiclosure_filter.overlap_search import KeptPairs, SearchTrace, find_overlap
+from wiclosure.wiclosure_filter.overlap_search import KeptPairs, find_overlap
 from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs
 from wiclosure.wiclosure_filter.relative_heading import RelativeHeading
-from wiclosure.wiclosure_filter.shared_trajectory import SharedTrajectory, share_trajectories
+from wiclosure.wiclosure_filter.rival_estimates import RivalEstimates
+from wiclosure.wiclosure_filter.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
 
 
 class WiClosureFilter:
@@ -52,9 +53,10 @@ class WiClosureFilter:
         # 2. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = share_trajectories(trajectories, wireless, alignments, self.settings)
         # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
-        headings = {(al.robot_a, al.robot_b): RelativeHeading.of(al, trajectories, self.settings) for al in alignments}
         pairs = tuple(
-            self.pairs_of(a, b, trajectories, shared, heading=headings.get((a, b)))
+            self._joined(a, b, shared.estimates[a, b])
+            if (a, b) in shared.estimates
+            else self._unjoined(a, b, trajectories, wireless, alignments)
             for a, b in robot_pairs(list(trajectories))
         )
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
@@ -95,28 +97,24 @@ class WiClosureFilter:
             if frozenset((a, b)) in heard
         )
 
-    def pairs_of(
-        self,
-        robot_a: str,
-        robot_b: str,
-        trajectories: Mapping[str, Trajectory],
-        shared: SharedTrajectory,
-        trace: SearchTrace | None = None,
-        heading: RelativeHeading | None = None,
-    ) -> CandidatePairs:
-        """Kept pairs of two robots: all or none of them where nothing joins the robots, with what compasses tell."""
-        if (robot_a, robot_b) not in shared.estimates:
-            return self._unjoined(robot_a, robot_b, trajectories, heading)
-        estimate, gate = shared.estimates[robot_a, robot_b], make_gate(self.settings.gate)
-        parts = [find_overlap(model, gate, trace) for model in estimate.models(robot_a, robot_b)]
-        kept = _best(KeptPairs.joined(parts), self.settings.gate.budget)
+    def _joined(self, robot_a: str, robot_b: str, estimate: SharedEstimate) -> CandidatePairs:
+        """Pairs that the gate keeps."""
+        gate = make_gate(self.settings.gate)
+        parts = [find_overlap(model, gate) for model in estimate.models(robot_a, robot_b)]
+        kept = KeptPairs.joined(parts).best(self.settings.gate.budget)
         return CandidatePairs(
             robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate
         )
 
     def _unjoined(
-        self, robot_a: str, robot_b: str, trajectories: Mapping[str, Trajectory], heading: RelativeHeading | None
+        self,
+        robot_a: str,
+        robot_b: str,
+        trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
+        alignments: Sequence[FrameAlignment],
     ) -> CandidatePairs:
+        """Where nothing joins the robots for certain: pairs that a few alignments leave, or all, or none."""
         if self.settings.on_ambiguous == "raise":
             raise InputError(
                 f"the radio does not tell how {robot_a} and {robot_b} lie; add measurements, or set"
@@ -125,8 +123,14 @@ class WiClosureFilter:
         if self.settings.on_ambiguous == "reject":
             none = np.zeros(0, np.int64)
             return CandidatePairs.without_prediction(robot_a, robot_b, none, none)
+        own = next((al for al in alignments if (al.robot_a, al.robot_b) == (robot_a, robot_b)), None)
         whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
-        return replace(whole, predictor=heading)
+        if own is None:
+            return whole
+        rivals = RivalEstimates.of(own, trajectories, wireless, self.settings)
+        if rivals is not None:
+            return rivals.pairs()
+        return replace(whole, predictor=RelativeHeading.of(own, trajectories, self.settings))
 
     def _explain(
         self, pairs: tuple[CandidatePairs, ...], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory
@@ -134,17 +138,26 @@ class WiClosureFilter:
         """Why pairs of robots were not pruned, and which measurements served nothing."""
         sentences = list(shared.diagnosis)
         by_pair = {(a.robot_a, a.robot_b): a for a in alignments}
-        action = "passed" if self.settings.on_ambiguous == "pass" else "rejected"
         for kept in pairs:
             pair = (kept.robot_a, kept.robot_b)
             alignment = by_pair.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; every pair is {action}{known}")
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
+
+    def _passed(self, kept: CandidatePairs) -> str:
+        """What became of the pairs of robots that nothing joins for certain."""
+        if self.settings.on_ambiguous == "reject":
+            return "every pair is rejected"
+        if isinstance(kept.predictor, RivalEstimates):
+            return (
+                f"{len(kept)} pairs possible under one of {len(kept.predictor.estimates)} likely alignments are passed"
+            )
+        known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
+        return f"every pair is passed{known}"
 
 
 def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[str, ...]:
@@ -166,11 +179,3 @@ def _continued(earlier: Trajectory, later: Trajectory) -> Trajectory:
             _continued(known, Trajectory(new.robot, new.stamps_ns[unseen], new.poses[unseen])) if len(unseen) else known
         )
     return Trajectory(earlier.robot, stamps_ns, poses, earlier.drift, finer)
-
-
-def _best(kept: KeptPairs, budget: int | None) -> KeptPairs:
-    """The most probable pairs, at most `budget`; still sorted by a, then b."""
-    if budget is None or len(kept.index_a) <= budget:
-        return kept
-    order = np.argsort(-kept.overlap_probability, kind="stable")[:budget]
-    return kept.rows(np.sort(order))

@@ -56,6 +56,20 @@ class KeptPairs:
         )
         return whole.rows(np.lexsort((whole.index_b, whole.index_a)))
 
+    @classmethod
+    def united(cls, parts: list[KeptPairs]) -> KeptPairs:
+        """All pairs of several parts, in order; of one that occurs in several, the most probable."""
+        whole = cls.joined(parts)
+        whole = whole.rows(np.lexsort((-whole.overlap_probability, whole.index_b, whole.index_a)))
+        again = (np.diff(whole.index_a, prepend=-1) == 0) & (np.diff(whole.index_b, prepend=-1) == 0)
+        return whole.rows(np.flatnonzero(~again))
+
+    def best(self, budget: int | None) -> KeptPairs:
+        """The most probable pairs, at most `budget`; still in order."""
+        if budget is None or len(self.index_a) <= budget:
+            return self
+        return self.rows(np.sort(np.argsort(-self.overlap_probability, kind="stable")[:budget]))
+
 
 @dataclass(slots=True, eq=False)
 class SearchTrace:

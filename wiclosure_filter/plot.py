@@ -30,6 +30,7 @@ from wiclosure.wiclosure_filter.joint_estimate import JointEstimate
 from wiclosure.wiclosure_filter.links import Links, links_between
 from wiclosure.wiclosure_filter.overlap_search import SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.pair_model import PairModel
+from wiclosure.wiclosure_filter.rival_estimates import RivalEstimates
 from wiclosure.wiclosure_filter.segments import SegmentTree
 from wiclosure.wiclosure_filter.shortest_route import ShortestRouteEstimate
 
@@ -112,8 +113,8 @@ def draw_pair(
 
 
 def _model(pairs: CandidatePairs) -> PairModel | None:
-    """The prediction behind the pairs; of shortest routes the one over the first link."""
-    if not isinstance(pairs.predictor, JointEstimate | ShortestRouteEstimate):
+    """The prediction behind the pairs; of shortest routes the one over the first link, of rivals the likeliest."""
+    if not isinstance(pairs.predictor, JointEstimate | ShortestRouteEstimate | RivalEstimates):
         return None
     return pairs.predictor.models(pairs.robot_a, pairs.robot_b)[0]
 
@@ -176,7 +177,9 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
     )
     _road(axes, a, COLOR_A, pairs.robot_a)
     _road(axes, b, COLOR_B, pairs.robot_b)
-    axes.set_title(f"shared trajectory\n90 % of {pairs.robot_b}, seen from {pairs.robot_a}", fontsize=9)
+    rivals = len(pairs.predictor.estimates) if isinstance(pairs.predictor, RivalEstimates) else 1
+    which = "shared trajectory" if rivals == 1 else f"shared trajectory, the likeliest of {rivals}"
+    axes.set_title(f"{which}\n90 % of {pairs.robot_b}, seen from {pairs.robot_a}", fontsize=9)
     axes.legend(fontsize=8)
 
 

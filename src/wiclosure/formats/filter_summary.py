@@ -39,6 +39,7 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "log_likelihood": None if best is None else best.log_likelihood,
         "paths_kept": [] if best is None else [list(kept) for kept in best.paths_kept],
         "runner_up": None if alignment.runner_up is None else _hypothesis(alignment.runner_up),
+        "rivals": [_hypothesis(rival) for rival in alignment.rivals],
     }
 
 
