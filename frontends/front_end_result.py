@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -71,8 +73,7 @@ class OdometryResult:
         Raises:
             InputError: the file is missing, damaged or of something else.
         """
-        try:
-            content = _load(path)
+        with _content(path, "is not a saved odometry") as content:
             return cls(
                 stamps_ns=content["stamps_ns"],
                 poses=content["poses"],
@@ -81,8 +82,6 @@ class OdometryResult:
                 counts=FrontEndCounts(*content["counts"].tolist()),
                 seconds=float(content["seconds"]),
             )
-        except _UNREADABLE as error:
-            raise InputError(f"{path} is not a saved odometry ({error}); delete it to have it made anew") from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,11 +107,8 @@ class Descriptors:
         Raises:
             InputError: the file is missing, damaged or of something else.
         """
-        try:
-            content = _load(path)
+        with _content(path, "holds no saved descriptors") as content:
             return cls(content["images"], float(content["seconds"]))
-        except _UNREADABLE as error:
-            raise InputError(f"{path} holds no saved descriptors ({error}); delete it to have it made anew") from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,15 +154,20 @@ class FrontEndResult:
         )
 
 
-_UNREADABLE = (OSError, KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile)
-
-
 def _save(path: Path, **arrays: Any) -> None:
     with path.open("wb") as file:
         np.savez(file, **arrays)
 
 
-def _load(path: Path) -> dict[str, Any]:
-    """All arrays; every member carries a checksum, which reading it verifies."""
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
-        return {name: pack[name] for name in pack.files}
+@contextmanager
+def _content(path: Path, complaint: str) -> Iterator[dict[str, Any]]:
+    """All arrays of a saved stage; every member carries a checksum, which reading it verifies.
+
+    Raises:
+        InputError: it cannot be read, or what is done with it fails; the sentence holds the complaint.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
+            yield {name: pack[name] for name in pack.files}
+    except (OSError, KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} {complaint} ({error}); delete it to have it made anew") from error
