@@ -104,6 +104,11 @@ class RegistrationSettings(Settings):
     voxel_size_m: float | None = Field(
         None, gt=0, description="m, finest of three (x 4, 2, 1); none: from the extent of the clouds, 0.5 on a street"
     )
+    global_start: Literal["scan-context", "kiss-matcher"] = Field(
+        "scan-context",
+        description="where nothing is predicted: scan context's yaw and turns of it, or features of both clouds"
+        " (KISS-Matcher, an optional library: pip install 'wiclosure[kiss-matcher]')",
+    )
     yaw_hypotheses: int = Field(
         8, ge=1, description="starting headings around the circle, from scan context's on, where nothing is predicted"
     )

@@ -11,11 +11,12 @@ from scipy import stats
 from wiclosure import se3
 from wiclosure.frontends import hypotheses
 from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.frontends.global_registration import global_starts
 from wiclosure.frontends.measurement import Measurement
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import Closure, Decision, Float32Array, FloatArray, Prior
+from wiclosure.types import Closure, Decision, Float32Array, Prior
 
 _ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
 
@@ -31,6 +32,7 @@ class Registration:
     def __init__(self, settings: RegistrationSettings | None = None) -> None:
         self._settings = settings or RegistrationSettings()
         self._method = METHODS[self._settings.method]
+        self._global_starts = global_starts(self._settings)
         self._clouds = PreparedClouds(self._settings.cached_clouds, self._settings.num_threads)
 
     def verify(
@@ -51,7 +53,11 @@ class Registration:
         # Also a guard: small_gicp crashes on empty clouds.
         if standing < self._settings.min_inliers / 2:
             return _rejected(closure, f"only {standing} points of one cloud stand on the ground: nothing to hold on to")
-        starts = self._starts(closure, prior, query.voxel_m)
+        yaw = closure.evidence.scan_context_yaw
+        if prior is None:
+            starts = self._global_starts(query, match, yaw)
+        else:
+            starts = hypotheses.around_prediction(*prior, yaw, query.voxel_m)
         measured = self._method.measure(query, match, starts, self._settings)
         chi2 = np.array([_chi2(m, prior) for m in measured])
         # NaN without a prediction: comparing with it is false, so nothing contradicts.
@@ -74,12 +80,6 @@ class Registration:
         finest_m = self._settings.voxel_size_m or max(voxel_size_m(cloud_query), voxel_size_m(cloud_match)) / 2
         sizes = self._method.voxel_sizes_m(finest_m)
         return self._clouds.get(closure.query, cloud_query, sizes), self._clouds.get(closure.match, cloud_match, sizes)
-
-    def _starts(self, closure: Closure, prior: Prior | None, voxel_m: float) -> FloatArray:
-        yaw = closure.evidence.scan_context_yaw
-        if prior is None:
-            return hypotheses.around_scan_context(yaw, self._settings.yaw_hypotheses)
-        return hypotheses.around_prediction(*prior, yaw, voxel_m)
 
     def _judge(self, closure: Closure, measured: Measurement, prior: Prior | None, chi2: float) -> Closure:
         closure = replace(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.frontends.config import ScanContextSettings
+from wiclosure.errors import ConfigError
+from wiclosure.frontends.config import RegistrationSettings, ScanContextSettings
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
@@ -103,6 +105,32 @@ def test_scans_of_different_places_are_refused(
         refused = registration.verify(proposed(query, match, 0.3), clouds[query], clouds[match], prior)
         assert refused.decision is Decision.REJECTED
         assert "structure matches" in refused.reason
+
+
+@pytest.mark.parametrize("start", ["scan-context", "kiss-matcher"])
+def test_loops_are_found_without_any_prediction(
+    start: Literal["scan-context", "kiss-matcher"], data_dir: Path, clouds: dict[tuple[str, int], Float32Array]
+) -> None:
+    if start == "kiss-matcher":
+        pytest.importorskip("kiss_matcher", reason="an optional library without wheels for this Python")
+    registration = Registration(RegistrationSettings(global_start=start))
+    for sequence, frames in LOOPS.items():
+        query, match = ((sequence, frame) for frame in frames)
+        found = registration.verify(proposed(query, match), clouds[query], clouds[match])
+        assert found.decision is Decision.VERIFIED, found.reason
+        gap = se3.between(true_relative_pose(data_dir, sequence), found.T_query_match)
+        assert np.linalg.norm(gap[:3, 3]) < 1.5
+        assert np.degrees(se3.rotation_angle(gap)) < 1.5
+        again = registration.verify(proposed(query, match), clouds[query], clouds[match])
+        np.testing.assert_array_equal(again.T_query_match, found.T_query_match)
+    unrelated = registration.verify(proposed(("05", 540), ("08", 720)), clouds["05", 540], clouds["08", 720])
+    assert unrelated.decision is Decision.REJECTED
+
+
+def test_kiss_matcher_missing_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "kiss_matcher", None)
+    with pytest.raises(ConfigError, match=r"not installed; pip install 'wiclosure\[kiss-matcher\]'"):
+        Registration(RegistrationSettings(global_start="kiss-matcher"))
 
 
 def test_two_ends_of_one_street_are_refused(kitti_drive: Drive, registration: Registration) -> None:

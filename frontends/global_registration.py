@@ -1,0 +1,62 @@
+"""Where registration starts where nothing predicts the pose: at turns of scan context's yaw, or by KISS-Matcher."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.errors import ConfigError
+from wiclosure.frontends import hypotheses
+from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.frontends.prepared_cloud import PreparedCloud
+from wiclosure.types import FloatArray
+
+GlobalStarts: TypeAlias = Callable[[PreparedCloud, PreparedCloud, float], FloatArray]
+"""Takes both clouds and scan context's yaw, rad or NaN; gives starts `T_query_match (S, 4, 4)`."""
+
+_FEWEST_INLIERS = 5
+
+
+def global_starts(settings: RegistrationSettings) -> GlobalStarts:
+    """What the settings name.
+
+    Raises:
+        ConfigError: KISS-Matcher is wanted and not installed.
+    """
+
+    def around_scan_context(query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
+        return hypotheses.around_scan_context(yaw_rad, settings.yaw_hypotheses)
+
+    if settings.global_start == "scan-context":
+        return around_scan_context
+    return _KissMatcher(otherwise=around_scan_context)
+
+
+class _KissMatcher:
+    """One start from features of both clouds (Lim et al., "KISS-Matcher", ICRA 2025); other starts where few agree."""
+
+    def __init__(self, otherwise: GlobalStarts) -> None:
+        try:
+            import kiss_matcher
+        except ImportError as error:
+            raise ConfigError(
+                "registration.global_start is kiss-matcher, which is not installed; pip install"
+                " 'wiclosure[kiss-matcher]', or set it to scan-context"
+            ) from error
+        self._library = kiss_matcher
+        self._otherwise = otherwise
+
+    def __call__(self, query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
+        # The middle level: features of the finest take twice the time and are no better.
+        level = len(query.levels) // 2
+        voxel_m = query.voxel_m * 2.0 ** (len(query.levels) - 1 - level)
+        matcher = self._library.KISSMatcher(self._library.KISSMatcherConfig(voxel_m))
+        found = matcher.estimate(match.levels[level].points, query.levels[level].points)
+        if not found.valid or matcher.get_num_final_inliers() < _FEWEST_INLIERS:
+            return self._otherwise(query, match, yaw_rad)
+        T_query_match = np.eye(4)
+        T_query_match[:3, :3], T_query_match[:3, 3] = found.rotation, found.translation
+        return se3.exp(se3.log(T_query_match[None]))  # a rotation to the last digit
