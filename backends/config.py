@@ -121,6 +121,11 @@ class PoseGraphSettings(Settings):
         description="share of true closures that the graph keeps: chi-square quantile, 6 degrees of freedom, on a"
         " closure's own residual",
     )
+    radio: bool = Field(
+        False,
+        description="the ranges and bearings that the filter's alignments rest on count as measurements too, and join"
+        " robots that no closure joins (joint only)",
+    )
     anchor: str = Field("", description="robot whose odometry frame is the world; empty: the first of the data set")
     sigma_scale: float = Field(
         1.0,
@@ -129,6 +134,14 @@ class PoseGraphSettings(Settings):
         " the residual at which a closure is rejected, and the marginals",
     )
     noise: ClosureNoise = ClosureNoise()
+
+    @model_validator(mode="after")
+    def _radio_needs_keyframes(self) -> Self:
+        if self.radio and self.optimiser != "joint":
+            raise ValueError(
+                "radio joins keyframes, which optimiser: two-stage has none of; set optimiser: joint with it"
+            )
+        return self
 
     def scaled(self, factor: float) -> Self:
         """With `sigma_scale` larger by a factor, as `PcmResult.scale` asks for."""

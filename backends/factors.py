@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, RadioLinks, Trajectory
 
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
 LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
@@ -42,7 +42,9 @@ class Keys:
         return [first + index for index in indices.tolist()]
 
 
-def carrying(trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet]) -> dict[str, NDArray[np.int64]]:
+def carrying(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet | RadioLinks]
+) -> dict[str, NDArray[np.int64]]:
     """Indices of the keyframes that closures hold, and the first, by robot: a graph of these alone is equivalent."""
     ends: dict[str, list[NDArray[np.int64]]] = {robot: [np.zeros(1, np.int64)] for robot in trajectories}
     for z in sets:

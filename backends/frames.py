@@ -9,27 +9,34 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, RadioLinks, Trajectory
 
 CANDIDATES = 300  # closures tried as the frame transform; more would not find a better one
 
 
-def components(robots: Sequence[str], sets: Sequence[ClosureSet]) -> tuple[tuple[str, ...], ...]:
-    """Groups of robots that closures connect, in the order of `robots`; the first holds the first robot."""
+def components(
+    robots: Sequence[str], sets: Sequence[ClosureSet], radio: Sequence[RadioLinks] = ()
+) -> tuple[tuple[str, ...], ...]:
+    """Groups of robots that closures or radio connect, in the order of `robots`; the first holds the first robot."""
     rank = {robot: n for n, robot in enumerate(robots)}
-    groups = (tuple(sorted(group, key=rank.__getitem__)) for group in nx.connected_components(_links(robots, sets)))
+    connected = nx.connected_components(_connections(robots, sets, radio))
+    groups = (tuple(sorted(group, key=rank.__getitem__)) for group in connected)
     return tuple(sorted(groups, key=lambda group: rank[group[0]]))
 
 
-def initial_frames(trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet]) -> dict[str, FloatArray]:
-    """`T_world_odom` of each robot along the tree of the best supported pairs.
+def initial_frames(
+    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], radio: Sequence[RadioLinks] = ()
+) -> dict[str, FloatArray]:
+    """`T_world_odom` of each robot along the tree of the best supported pairs; by radio only where no closure leads.
 
     The world is the odometry frame of the first robot of each component.
     """
     robots = list(trajectories)
-    tree = nx.maximum_spanning_tree(_links(robots, sets), weight="closures")
-    transforms = {(z.robot_a, z.robot_b): frame_transform(z, trajectories) for z in sets if z.between_robots and len(z)}
+    tree = nx.maximum_spanning_tree(_connections(robots, sets, radio), weight="closures")
+    transforms = {(of.robot_a, of.robot_b): of.T_a_b for of in radio}
     transforms |= {(b, a): se3.inverse(T_a_b) for (a, b), T_a_b in transforms.items()}
+    closed = {(z.robot_a, z.robot_b): frame_transform(z, trajectories) for z in sets if z.between_robots and len(z)}
+    transforms |= closed | {(b, a): se3.inverse(T_a_b) for (a, b), T_a_b in closed.items()}
     frames: dict[str, FloatArray] = {}
     for root in robots:
         if root not in frames:
@@ -69,9 +76,10 @@ def _drift_m(trajectory: Trajectory, indices: IntArray) -> float:
     return float(np.sqrt(np.trace(covariance[0, 3:, 3:])))
 
 
-def _links(robots: Sequence[str], sets: Sequence[ClosureSet]) -> nx.Graph[str]:
+def _connections(robots: Sequence[str], sets: Sequence[ClosureSet], radio: Sequence[RadioLinks]) -> nx.Graph[str]:
     graph: nx.Graph[str] = nx.Graph()
     graph.add_nodes_from(robots)
+    graph.add_weighted_edges_from(((of.robot_a, of.robot_b, 0) for of in radio if len(of)), weight="closures")
     graph.add_weighted_edges_from(
         ((z.robot_a, z.robot_b, len(z)) for z in sets if z.between_robots and len(z)), weight="closures"
     )

@@ -41,7 +41,7 @@ def write_g2o(result: GraphResult, path: Path, keys: Mapping[str, np.ndarray] | 
         poses = zip(numbers[robot].tolist(), _numbers(trajectory.poses), strict=True)
         lines += [f"VERTEX_SE3:QUAT {number} {pose}" for number, pose in poses]
     lines += [f"FIX {numbers[component[0]][0]}" for component in result.components]
-    lines += [*_believed(result, numbers), *_rejected(result, numbers)]
+    lines += [*_without_edges(result), *_believed(result, numbers), *_rejected(result, numbers)]
     try:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
@@ -50,6 +50,14 @@ def write_g2o(result: GraphResult, path: Path, keys: Mapping[str, np.ndarray] | 
 
 def _range(robot: str, numbers: np.ndarray) -> str:
     return f"# keyframes of {robot}: vertices {numbers[0]} to {numbers[-1]}"
+
+
+def _without_edges(result: GraphResult) -> Iterator[str]:
+    """A comment on factors that the file cannot hold."""
+    factors = map(result.graph.at, range(result.graph.size()))
+    count = sum(not isinstance(f, gtsam.BetweenFactorPose3 | gtsam.PriorFactorPose3) for f in factors)
+    if count:
+        yield f"# {count} ranges and bearings are not in this file, as g2o has no edges for them"
 
 
 def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:

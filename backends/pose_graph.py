@@ -25,9 +25,10 @@ from wiclosure.backends.factors import (
 )
 from wiclosure.backends.frames import components, initial_frames
 from wiclosure.backends.graph_result import GraphResult, carried
+from wiclosure.backends.radio_factors import radio_factors
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, FloatArray, Trajectory
+from wiclosure.types import Closure, Decision, FloatArray, RadioLinks, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +46,10 @@ class _Estimate:
 
 
 def optimise(
-    trajectories: Mapping[str, Trajectory], closures: Sequence[Closure], settings: PoseGraphSettings
+    trajectories: Mapping[str, Trajectory],
+    closures: Sequence[Closure],
+    settings: PoseGraphSettings,
+    radio: Sequence[RadioLinks] = (),
 ) -> GraphResult:
     """Merges the robots' keyframe trajectories over their verified or accepted closures.
 
@@ -54,10 +58,11 @@ def optimise(
             the first robot, is the world.
         closures: between robots or within one; those neither verified nor accepted pass through unchanged.
         settings: see `PoseGraphSettings`.
+        radio: measurements between robots; used where `settings.radio` says so.
 
     Returns:
-        Trajectories, frames, and every closure accepted or rejected with a reason. Robots without accepted closures
-        stay in their own frame.
+        Trajectories, frames, and every closure accepted or rejected with a reason. Robots that nothing connects stay in
+        their own frame.
 
     Raises:
         InputError: no trajectory; no robot is called `settings.anchor`; or a closure names a robot or a keyframe that
@@ -67,19 +72,20 @@ def optimise(
         raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
     trajectories = _anchored(trajectories, settings.anchor)
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
-    found = _estimate(trajectories, sets, settings)
+    radio = radio if settings.radio else ()
+    found = _estimate(trajectories, sets, radio, settings)
     kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
     verdicts = {row: (Decision.REJECTED, reason) for row, reason in unusable.items()}
     for z, mask in zip(sets, found.believed, strict=True):
         verdicts |= _verdicts(z, mask, found.poses, closures)
-    groups = components(list(trajectories), kept)
+    groups = components(list(trajectories), kept, radio)
     result = GraphResult(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
         closures=tuple(decided(closures, verdicts)),
         diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
-        graph=found.graph or _final_graph(trajectories, kept, groups, found.poses),
+        graph=found.graph or _final_graph(trajectories, kept, radio, groups, found.poses),
         values=_values(found.poses),
         sigma_scale=settings.sigma_scale,
     )
@@ -106,14 +112,17 @@ def _anchored(trajectories: Mapping[str, Trajectory], anchor_robot: str) -> Mapp
 
 
 def _estimate(
-    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    radio: Sequence[RadioLinks],
+    settings: PoseGraphSettings,
 ) -> _Estimate:
     """By the chosen optimiser; where that fails numerically, only the rigid start, and a sentence that says so."""
-    frames = initial_frames(trajectories, sets)
+    frames = initial_frames(trajectories, sets, radio)
     rigid = {r: frames[r] @ t.poses for r, t in trajectories.items()}
     try:
         if settings.optimiser == "joint":
-            return _joint(trajectories, sets, rigid, settings)
+            return _joint(trajectories, sets, radio, rigid, settings)
         masks, frames = placed_in_two_stages(trajectories, sets, settings)
         return _Estimate(masks, {r: frames[r] @ t.poses for r, t in trajectories.items()})
     except RuntimeError as error:  # GTSAM's own, thrown for indeterminate systems
@@ -126,20 +135,23 @@ def _estimate(
 def _joint(
     trajectories: Mapping[str, Trajectory],
     sets: Sequence[ClosureSet],
+    radio: Sequence[RadioLinks],
     rigid: Mapping[str, FloatArray],
     settings: PoseGraphSettings,
 ) -> _Estimate:
     """First decide on the closures, then solve for all keyframes with the believed ones."""
-    masks, poses = _decide(trajectories, sets, rigid, settings)
+    masks, poses = _decide(trajectories, sets, radio, rigid, settings)
     kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
-    start = _reset_unconnected(trajectories, kept, poses)
-    graph = _final_graph(trajectories, kept, components(list(trajectories), kept), start)
+    groups = components(list(trajectories), kept, radio)
+    start = _reset_unconnected(trajectories, groups, poses)
+    graph = _final_graph(trajectories, kept, radio, groups, start)
     return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories), graph=graph)
 
 
 def _decide(
     trajectories: Mapping[str, Trajectory],
     sets: Sequence[ClosureSet],
+    radio: Sequence[RadioLinks],
     rigid: Mapping[str, FloatArray],
     settings: PoseGraphSettings,
 ) -> tuple[list[NDArray[np.bool_]], dict[str, FloatArray]]:
@@ -148,10 +160,12 @@ def _decide(
     The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
     saves most of the time.
     """
-    keys, nodes = Keys(tuple(trajectories)), carrying(trajectories, sets)
-    roots = {group[0] for group in components(list(trajectories), sets)}
+    keys, nodes = Keys(tuple(trajectories)), carrying(trajectories, [*sets, *radio])
+    roots = {group[0] for group in components(list(trajectories), sets, radio)}
     anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
-    certain = with_factors(odometry_factors(trajectories, sets, keys, nodes), anchors)
+    certain = with_factors(
+        odometry_factors(trajectories, sets, keys, nodes), [*anchors, *radio_factors(radio, trajectories, keys)]
+    )
     mask, values = believed(certain, closure_factors(sets, keys), _values(rigid, nodes), settings)
     poses = {}
     for robot, trajectory in trajectories.items():
@@ -164,21 +178,23 @@ def _decide(
 def _final_graph(
     trajectories: Mapping[str, Trajectory],
     kept: Sequence[ClosureSet],
+    radio: Sequence[RadioLinks],
     groups: Sequence[Sequence[str]],
     poses: Mapping[str, FloatArray],
 ) -> gtsam.NonlinearFactorGraph:
-    """Odometry, believed closures, and the first pose of each component held."""
+    """Odometry, believed closures, radio, and the first pose of each component held."""
     keys = Keys(tuple(trajectories))
     anchors = [anchor(keys(group[0], 0), gtsam.Pose3(poses[group[0]][0])) for group in groups]
-    return with_factors(odometry_factors(trajectories, kept, keys), [*closure_factors(kept, keys), *anchors])
+    measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys)]
+    return with_factors(odometry_factors(trajectories, kept, keys), [*measured, *anchors])
 
 
 def _reset_unconnected(
-    trajectories: Mapping[str, Trajectory], kept: Sequence[ClosureSet], poses: dict[str, FloatArray]
+    trajectories: Mapping[str, Trajectory], groups: Sequence[Sequence[str]], poses: dict[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Components that the first robot is not part of go back to the odometry frame of their own first robot."""
     moved = dict(poses)
-    for group in components(list(trajectories), kept):
+    for group in groups:
         T_new_world = trajectories[group[0]].poses[0] @ se3.inverse(poses[group[0]][0])
         moved |= {robot: T_new_world @ poses[robot] for robot in group}
     return moved

@@ -91,7 +91,7 @@ def solve(
     verification_spent_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
-    graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale))
+    graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
     optimisation_s = time.perf_counter() - began
 
     closures = graph.closures

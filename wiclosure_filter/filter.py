@@ -67,6 +67,7 @@ class WiClosureFilter:
             alignments=alignments,
             diagnosis=diagnosis,
             seconds=perf_counter() - start,
+            links=shared.links,
         )
 
     def update(self, new_keyframes: Mapping[str, Trajectory], new_wireless: WirelessLog) -> FilterResult:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, Trajectory, WirelessLog
+from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.links import Links, links_between
 
@@ -60,6 +60,36 @@ class KeptLinks:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
         return KeptLinks(select(self.links, rows), self.direction[rows], self.direction_covariance[rows])
+
+    def for_graph(self, T_a_b: FloatArray, level: FloatArray, trajectories: Mapping[str, Trajectory]) -> RadioLinks:
+        """The same between keyframes.
+
+        Args:
+            T_a_b: `(4, 4)` the alignment that keeps them.
+            level: `(6, 6)` covariance of what is known of it otherwise.
+            trajectories: keyframes of both robots.
+        """
+        links = self.links
+        a, b = (
+            trajectories[robot].poses[index, :3, :3]
+            for robot, index in ((links.robot_a, links.index_a), (links.robot_b, links.index_b))
+        )
+        R_keyframe_odom = np.swapaxes(np.where(links.a_receives[:, None, None], a, b), 1, 2)
+        return RadioLinks(
+            links.robot_a,
+            links.robot_b,
+            T_a_b,
+            level,
+            links.index_a,
+            links.index_b,
+            links.antenna_keyframe_a,
+            links.antenna_keyframe_b,
+            links.a_receives,
+            links.range_m,
+            links.range_sigma_m,
+            np.einsum("lij,lj->li", R_keyframe_odom, self.direction),
+            R_keyframe_odom @ self.direction_covariance @ np.swapaxes(R_keyframe_odom, 1, 2),
+        )
 
     def misfit(self, T_world_a: FloatArray, T_world_b: FloatArray) -> float:
         """Median residual of ranges and bearings in their standard deviations; near 0.7 where all is well.

@@ -36,11 +36,15 @@ def odometry_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) 
 
 def frame_prior(initial: gtsam.Values, key: int, anchor: bool, settings: FilterSettings) -> gtsam.NonlinearFactor:
     """Holds the first robot; of the others only what gravity and the ground tell: tilt, and roughly the height."""
+    sigmas = np.full(6, ANCHOR_SIGMA) if anchor else level_sigmas(settings)
+    return gtsam.PriorFactorPose3(key, initial.atPose3(key), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+
+
+def level_sigmas(settings: FilterSettings) -> FloatArray:
+    """`(6,)` of an odometry frame in another before anything is measured: tilt and height, hardly more."""
     alignment, shared = settings.alignment, settings.shared_trajectory
     tilt = np.sqrt(2.0) * shared.gravity_sigma_rad if alignment.gravity_aligned else alignment.tilt_sigma_rad
-    loose = np.array([tilt, tilt, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M, alignment.height_sigma_m])
-    sigmas = np.full(6, ANCHOR_SIGMA) if anchor else loose
-    return gtsam.PriorFactorPose3(key, initial.atPose3(key), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+    return np.array([tilt, tilt, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M, alignment.height_sigma_m])
 
 
 def add_links(

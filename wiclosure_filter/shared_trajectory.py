@@ -8,12 +8,13 @@ from typing import Protocol
 
 import numpy as np
 
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, RadioLinks, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.joint_estimate import JointEstimate, estimate, frames_from
 from wiclosure.wiclosure_filter.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.pair_model import PairModel
+from wiclosure.wiclosure_filter.pose_graph import level_sigmas
 from wiclosure.wiclosure_filter.shortest_route import ShortestRouteEstimate
 
 # Median residual, in standard deviations, beyond which links contradict each other; 0.7 is expected, and robust kernels
@@ -42,10 +43,12 @@ class SharedTrajectory:
     Args:
         estimates: by pair of robots, in the order of the trajectories; pairs that nothing joins are missing.
         diagnosis: sentences on links that were left out.
+        links: measurements that join robots, one entry for each two that measured each other.
     """
 
     estimates: Mapping[tuple[str, str], SharedEstimate] = field(default_factory=dict)
     diagnosis: tuple[str, ...] = ()
+    links: tuple[RadioLinks, ...] = ()
 
 
 def share_trajectories(
@@ -111,7 +114,8 @@ def _joint(
             names = list(frames)
             estimates.update({(a, b): joint for i, a in enumerate(names) for b in names[i + 1 :]})
         left = [robot for robot in left if robot not in frames]
-    return SharedTrajectory(estimates, tuple(diagnosis))
+    used = {pair: links for pair, links in kept.items() if pair in estimates}
+    return SharedTrajectory(estimates, tuple(diagnosis), _for_graph(used, alignments, trajectories, settings))
 
 
 def _component(
@@ -164,4 +168,16 @@ def _shortest(
             diagnosis.append(f"{pair[0]} and {pair[1]}: shortest routes need links with both range and bearing")
         else:
             estimates[pair] = found
-    return SharedTrajectory(estimates, tuple(diagnosis))
+    used = {pair: kept[pair] for pair in estimates}
+    return SharedTrajectory(estimates, tuple(diagnosis), _for_graph(used, alignments, trajectories, settings))
+
+
+def _for_graph(
+    used: Mapping[tuple[str, str], KeptLinks],
+    alignments: Sequence[FrameAlignment],
+    trajectories: Mapping[str, Trajectory],
+    settings: FilterSettings,
+) -> tuple[RadioLinks, ...]:
+    level = np.diag(np.square(level_sigmas(settings)))
+    T_a_b = {(al.robot_a, al.robot_b): al.best.T_a_b for al in alignments if al.best is not None}
+    return tuple(links.for_graph(T_a_b[pair], level, trajectories) for pair, links in used.items())

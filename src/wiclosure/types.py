@@ -412,6 +412,41 @@ class FrameAlignment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RadioLinks:
+    """What two robots measured of each other and a filter takes for true, ready for a pose graph.
+
+    Args:
+        robot_a, robot_b: the robots.
+        T_a_b: `(4, 4)` odometry frame of b in that of a, roughly.
+        level: `(6, 6)` covariance of what is known of `T_a_b` without these measurements: gravity, and the ground.
+        index_a, index_b: `(L,)` keyframes nearest in time.
+        antenna_a, antenna_b: `(L, 3)` m, antennas when they measured, in the body axes of these keyframes.
+        a_receives: `(L,)` whether a measured b's signal.
+        range_m, range_sigma_m: `(L,)`; NaN where nothing was ranged.
+        direction: `(L, 3)` unit vector to the transmitter, in the body axes of the receiver's keyframe; NaN where the
+            direct path is not known.
+        direction_covariance: `(L, 3, 3)` of the direction, on the tangent plane, rad^2.
+    """
+
+    robot_a: str
+    robot_b: str
+    T_a_b: FloatArray
+    level: FloatArray
+    index_a: IntArray
+    index_b: IntArray
+    antenna_a: FloatArray
+    antenna_b: FloatArray
+    a_receives: NDArray[np.bool_]
+    range_m: FloatArray
+    range_sigma_m: FloatArray
+    direction: FloatArray
+    direction_covariance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FilterResult:
     """What a candidate filter gives to the pipeline.
 
@@ -422,6 +457,7 @@ class FilterResult:
         alignments: one for each pair of robots of which the radio says anything.
         diagnosis: sentences for the user: what was passed, rejected or left out, and why.
         seconds: wall time spent.
+        links: measurements that the kept pairs rest on, for the pose graph.
     """
 
     filter_name: str
@@ -430,6 +466,7 @@ class FilterResult:
     alignments: tuple[FrameAlignment, ...] = ()
     diagnosis: tuple[str, ...] = ()
     seconds: float = 0.0
+    links: tuple[RadioLinks, ...] = ()
 
     @property
     def pairs_kept(self) -> int:

@@ -129,6 +129,21 @@ def test_kept_pairs_carry_a_prediction(result: FilterResult, truth: dict[str, Tr
         assert (pairs.overlap_probability >= 0.05).all()
 
 
+def test_links_for_the_pose_graph_hold_at_the_true_poses(result: FilterResult, truth: dict[str, Trajectory]) -> None:
+    assert {(of.robot_a, of.robot_b) for of in result.links} == {("alpha", "beta"), ("beta", "gamma")}
+    for of in result.links:
+        T_world_a, T_world_b = truth[of.robot_a].poses[of.index_a], truth[of.robot_b].poses[of.index_b]
+        a, b = se3.transform(T_world_a, of.antenna_a), se3.transform(T_world_b, of.antenna_b)
+        distance = np.linalg.norm(b - a, axis=1)
+        assert np.nanmedian(np.abs(distance - of.range_m) / of.range_sigma_m) < 1.0
+        receiver = np.where(of.a_receives[:, None, None], T_world_a, T_world_b)[:, :3, :3]
+        seen = np.einsum("lji,lj->li", receiver, np.where(of.a_receives[:, None], b - a, a - b))
+        along = np.einsum("li,li->l", seen, of.direction) / np.maximum(distance, 1e-9)  # two of them meet
+        off = np.arccos(np.clip(along, -1.0, 1.0))
+        assert np.nanmedian(off) < 0.17
+        assert np.isfinite(of.direction).all(axis=1).mean() > 0.5
+
+
 def test_same_input_same_pairs(result: FilterResult, odometry: dict[str, Trajectory], wireless: WirelessLog) -> None:
     again = WiClosureFilter().candidates(odometry, wireless)
     for one, two in zip(result.pairs, again.pairs, strict=True):
