@@ -15,6 +15,8 @@ from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId,
 
 LIVE = (Decision.VERIFIED, Decision.ACCEPTED)
 
+_LEAST_WEIGHT = 1e-3  # no closure weighs nothing
+
 
 @dataclass(frozen=True, eq=False)
 class ClosureSet:
@@ -26,6 +28,7 @@ class ClosureSet:
         index_a, index_b: `(N,)` keyframe indices.
         T_a_b: `(N, 4, 4)` measured pose of b's body in a's body.
         covariance: `(N, 6, 6)` of `T_a_b`, noise floor included.
+        weight: `(N,)` share of structure that the registration matched; 1 where nobody says.
     """
 
     robot_a: str
@@ -35,6 +38,7 @@ class ClosureSet:
     index_b: IntArray
     T_a_b: FloatArray
     covariance: FloatArray
+    weight: FloatArray
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -61,6 +65,7 @@ class ClosureSet:
             np.concatenate([self.index_b, more.index_b]),
             np.concatenate([self.T_a_b, more.T_a_b]),
             np.concatenate([self.covariance, more.covariance]),
+            np.concatenate([self.weight, more.weight]),
         )
 
     def subset(self, kept: IntArray) -> Self:
@@ -73,6 +78,7 @@ class ClosureSet:
             self.index_b[kept],
             self.T_a_b[kept],
             self.covariance[kept],
+            self.weight[kept],
         )
 
 
@@ -159,4 +165,5 @@ def _stacked(
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     index_a, index_b = np.where(turned, match, query), np.where(turned, query, match)
-    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance)
+    weight = np.maximum(np.nan_to_num([c.evidence.inlier_ratio for c in chosen], nan=1.0), _LEAST_WEIGHT)
+    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance, weight)

@@ -45,6 +45,11 @@ class PcmSettings(Settings):
         lt=1,
         description="share of pairs of true closures that pass: the chi-square quantile with 6 degrees of freedom",
     )
+    weight: Literal["count", "structure"] = Field(
+        "count",
+        description="what makes a set large: the number of its closures, or the shares of structure that they match"
+        " taken together, so that few good closures outweigh some poor ones",
+    )
     unit_threshold: float = Field(
         5.0, gt=0, description="norm below which a cycle is consistent, metric unit only; DiSCo-SLAM has 20 to 100"
     )

@@ -57,11 +57,12 @@ def judge(
         places: `(2, N, 3)`, where they lie on either robot's path; None where a prediction supports some.
         settings: see `PcmSettings`.
     """
-    best = max_clique(consistent, time_budget_s=settings.time_budget_s)
+    weights = z.weight if settings.weight == "structure" else None
+    best = max_clique(consistent, weights=weights, time_budget_s=settings.time_budget_s)
     members = np.zeros(len(z), bool)
     members[list(best.members)] = True
-    rival = _rival(consistent, members, settings)
-    unclear = _ambiguous(z, members, rival, settings)
+    rival = _rival(consistent, members, weights, settings)
+    unclear = _ambiguous(z, best, rival, settings)
     doubt = (
         _too_small(z, members, settings) or unclear or _explained_otherwise(z, consistent, members, places, settings)
     )
@@ -83,11 +84,12 @@ def judge(
     return report, _verdicts(z, consistent, members, doubt)
 
 
-def _rival(consistent: BoolArray, members: BoolArray, settings: PcmSettings) -> Clique:
+def _rival(consistent: BoolArray, members: BoolArray, weights: FloatArray | None, settings: PcmSettings) -> Clique:
     """The largest set among the closures that contradict more than half of the best set."""
     others = np.flatnonzero(~members & (2 * consistent[:, members].sum(axis=1) < members.sum()))
-    inside = max_clique(consistent[np.ix_(others, others)], time_budget_s=settings.time_budget_s)
-    return Clique(tuple(int(others[v]) for v in inside.members), inside.proven)
+    own = None if weights is None else weights[others]
+    inside = max_clique(consistent[np.ix_(others, others)], weights=own, time_budget_s=settings.time_budget_s)
+    return Clique(tuple(int(others[v]) for v in inside.members), inside.proven, inside.weight)
 
 
 def _too_small(z: ClosureSet, members: BoolArray, settings: PcmSettings) -> str:
@@ -100,11 +102,10 @@ def _too_small(z: ClosureSet, members: BoolArray, settings: PcmSettings) -> str:
     return ""
 
 
-def _ambiguous(z: ClosureSet, members: BoolArray, rival: Clique, settings: PcmSettings) -> str:
-    size = int(members.sum())
-    if not settings.guard or not z.between_robots or len(rival) < settings.rival_share * size:
+def _ambiguous(z: ClosureSet, best: Clique, rival: Clique, settings: PcmSettings) -> str:
+    if not settings.guard or not z.between_robots or rival.weight < settings.rival_share * best.weight:
         return ""
-    sizes = f"of {size}" if len(rival) == size else f"of {size} and {len(rival)}"
+    sizes = f"of {len(best)}" if len(rival) == len(best) else f"of {len(best)} and {len(rival)}"
     return f"ambiguous, two sets {sizes} closures contradict each other; neither is believed"
 
 

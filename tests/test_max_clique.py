@@ -31,6 +31,33 @@ def test_it_is_as_large_as_networkx_says(seed: int, n: int, density: float) -> N
     assert len(found) == len(nx.max_weight_clique(nx.from_numpy_array(consistent), weight=None)[0])
 
 
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 30), density=st.floats(0, 1))
+def test_it_weighs_as_much_as_networkx_says(seed: int, n: int, density: float) -> None:
+    rng = np.random.default_rng(seed)
+    consistent, weights = random_graph(n, density, rng), rng.integers(1, 20, n)
+    graph = nx.from_numpy_array(consistent)
+    nx.set_node_attributes(graph, dict(enumerate(weights.tolist())), "weight")
+    found = max_clique(consistent, weights=weights / 10)
+    assert found.proven
+    assert is_clique(consistent, found.members)
+    assert found.weight == pytest.approx(weights[list(found.members)].sum() / 10)
+    assert found.weight == pytest.approx(nx.max_weight_clique(graph, weight="weight")[1] / 10)
+
+
+def test_equal_weights_find_the_largest() -> None:
+    consistent = random_graph(80, 0.5, np.random.default_rng(5))
+    alike = max_clique(consistent, weights=np.full(80, 0.3))
+    assert alike.members == max_clique(consistent).members
+    assert max_clique(consistent).weight == len(alike)
+
+
+@pytest.mark.parametrize("weights", [[1.0, 2.0], [1.0, -1.0, 1.0], [1.0, 0.0, 1.0], [1.0, np.nan, 1.0]])
+def test_weights_that_are_none_are_refused(weights: list[float]) -> None:
+    with pytest.raises(ValueError, match="3 positive numbers"):
+        max_clique(np.ones((3, 3), bool), weights=np.array(weights))
+
+
 @pytest.mark.parametrize("density", [0.01, 0.1])
 def test_a_planted_clique_is_found_among_a_thousand(density: float) -> None:
     rng = np.random.default_rng(0)

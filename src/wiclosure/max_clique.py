@@ -1,6 +1,7 @@
 """Largest set of mutually consistent items: maximum clique by branch and bound over bit sets.
 
-Greedy colouring bounds each branch (Tomita and Seki 2003; bit sets after San Segundo et al. 2011).  Python integers are
+Greedy colouring bounds each branch (Tomita and Seki 2003; weighted after Kumlander 2004; bit sets after San Segundo et
+al. 2011).  Python integers are
 the bit sets, so that set algebra on hundreds of vertices is a handful of machine words.
 """
 
@@ -19,34 +20,43 @@ class Clique:
 
     Args:
         members: increasing indices.
-        proven: true if no larger set exists; false if the time ran out first.
+        proven: true if no set of more weight exists; false if the time ran out first.
+        weight: of all members together; their number where all weigh the same.
     """
 
     members: tuple[int, ...]
     proven: bool
+    weight: float
 
     def __len__(self) -> int:
         return len(self.members)
 
 
-def max_clique(consistent: NDArray[np.bool_], *, time_budget_s: float = 5.0) -> Clique:
+def max_clique(
+    consistent: NDArray[np.bool_], *, weights: NDArray[np.float64] | None = None, time_budget_s: float = 5.0
+) -> Clique:
     """The maximum clique of a consistency matrix.
 
     Args:
         consistent: `(N, N)` symmetric; the diagonal is ignored.
+        weights: `(N,)` positive; the clique of the largest sum is sought. None: the one of most members.
         time_budget_s: after this time the best clique so far is returned, `proven` false.
 
     Raises:
-        ValueError: the matrix is not square or not symmetric.
+        ValueError: the matrix is not square or not symmetric, or weights are not positive numbers, one each.
     """
     if consistent.ndim != 2 or consistent.shape[0] != consistent.shape[1]:
         raise ValueError(f"consistency matrix has shape {consistent.shape}; expected (N, N)")
     if not np.array_equal(consistent, consistent.T):
         raise ValueError("consistency matrix is not symmetric")
-    order = np.argsort(-consistent.sum(axis=0), kind="stable")  # high degree first: good cliques early
-    search = _Search(_bitsets(consistent[np.ix_(order, order)]), time.perf_counter() + time_budget_s)
+    weight = np.ones(len(consistent)) if weights is None else np.asarray(weights, float)
+    if weight.shape != (len(consistent),) or not (np.isfinite(weight) & (weight > 0)).all():
+        raise ValueError(f"weights must be {len(consistent)} positive numbers")
+    order = np.argsort(-(consistent @ weight), kind="stable")  # well connected first: good cliques early
+    neighbours = _bitsets(consistent[np.ix_(order, order)])
+    search = _Search(neighbours, weight[order].tolist(), time.perf_counter() + time_budget_s)
     search.run()
-    return Clique(tuple(sorted(int(order[v]) for v in search.best)), search.proven)
+    return Clique(tuple(sorted(int(order[v]) for v in search.best)), search.proven, search.best_weight)
 
 
 def _bitsets(consistent: NDArray[np.bool_]) -> list[int]:
@@ -60,54 +70,68 @@ def _bitsets(consistent: NDArray[np.bool_]) -> list[int]:
 class _Search:
     """State of one branch and bound."""
 
-    def __init__(self, neighbours: list[int], deadline: float) -> None:
+    def __init__(self, neighbours: list[int], weight: list[float], deadline: float) -> None:
         self.neighbours = neighbours
+        self.weight = weight
+        self.alike = len(set(weight)) <= 1
         self.deadline = deadline
         self.best: list[int] = []
+        self.best_weight = 0.0
         self.proven = True
 
     def run(self) -> None:
-        """Grows cliques depth first, highest colour first, on a stack of (candidates, coloured candidates, clique)."""
+        """Grows cliques depth first, highest bound first, on a stack of (candidates, bounded candidates, clique)."""
         everything = (1 << len(self.neighbours)) - 1
-        self.best = self._greedy(everything)
-        stack: list[tuple[int, list[tuple[int, int]], list[int]]] = (
-            [(everything, self._coloured(everything, len(self.best)), [])] if everything else []
+        self._note(self._greedy(everything))
+        stack: list[tuple[int, list[tuple[int, float]], list[int], float]] = (
+            [(everything, self._bounded(everything, self.best_weight), [], 0.0)] if everything else []
         )
         while stack:
-            candidates, coloured, clique = stack.pop()
-            if not coloured or len(clique) + coloured[-1][1] <= len(self.best):
+            candidates, bounded, clique, weight = stack.pop()
+            if not bounded or weight + bounded[-1][1] <= self.best_weight:
                 continue
             if time.perf_counter() > self.deadline:
                 self.proven = False
                 return
-            vertex, _ = coloured.pop()
-            grown = [*clique, vertex]
-            if len(grown) > len(self.best):
-                self.best = grown
-            stack.append((candidates & ~(1 << vertex), coloured, clique))
+            vertex, _ = bounded.pop()
+            grown, heavier = [*clique, vertex], weight + self.weight[vertex]
+            if heavier > self.best_weight:
+                self._note(grown)
+            stack.append((candidates & ~(1 << vertex), bounded, clique, weight))
             inside = candidates & self.neighbours[vertex]
             if inside:
-                stack.append((inside, self._coloured(inside, len(self.best) - len(grown)), grown))
+                stack.append((inside, self._bounded(inside, self.best_weight - heavier), grown, heavier))
+
+    def _note(self, clique: list[int]) -> None:
+        self.best, self.best_weight = clique, sum(self.weight[v] for v in clique)
 
     def _greedy(self, candidates: int) -> list[int]:
-        """A first clique: always the lowest vertex left, which has the highest degree."""
+        """A first clique: always the lowest vertex left, which is the best connected."""
         clique: list[int] = []
         while candidates:
             clique.append((candidates & -candidates).bit_length() - 1)
             candidates &= self.neighbours[clique[-1]]
         return clique
 
-    def _coloured(self, candidates: int, needed: int) -> list[tuple[int, int]]:
-        """Vertices with a colour above `needed`; a colour bounds the clique among its vertex and those before."""
-        coloured: list[tuple[int, int]] = []
-        colour = 0
+    def _bounded(self, candidates: int, needed: float) -> list[tuple[int, float]]:
+        """Vertices whose bound is above `needed`: the most that a clique among a vertex and those before can weigh.
+
+        Of one colour a clique has one vertex at most: the heaviest of each colour before, and one of its own.
+        """
+        bounded: list[tuple[int, float]] = []
+        before = 0.0
         while candidates:
-            colour += 1
+            colour = []
             independent = candidates
             while independent:
                 vertex = (independent & -independent).bit_length() - 1
                 candidates &= ~(1 << vertex)
                 independent &= ~(1 << vertex) & ~self.neighbours[vertex]
-                if colour > needed:
-                    coloured.append((vertex, colour))
-        return coloured
+                colour.append(vertex)
+            if not self.alike:
+                colour.sort(key=self.weight.__getitem__)
+            heaviest = before + self.weight[colour[-1]]
+            if heaviest > needed:
+                bounded += [(v, bound) for v in colour if (bound := before + self.weight[v]) > needed]
+            before = heaviest
+        return bounded

@@ -130,6 +130,26 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 
+@pytest.mark.parametrize(("weight", "kept"), [("count", 8), ("structure", 6)])
+def test_a_few_good_closures_outweigh_more_poor_ones_where_structure_counts(team_maker, weight, kept):
+    team, rng = team_maker(4), np.random.default_rng(4)
+    mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    good = [replace(c, evidence=replace(c.evidence, inlier_ratio=0.9)) for c in random_closures(team, 6, rng)]
+    poor = [
+        replace(
+            c,
+            T_query_match=se3.between(
+                team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
+            ),
+            evidence=replace(c.evidence, inlier_ratio=0.3),
+        )
+        for c in random_closures(team, 8, rng)
+    ]
+    result = pairwise_consistent(good + poor, team.odometry, PcmSettings(weight=weight, rival_share=0.9))
+    assert result.pairs[0].kept == kept
+    assert [c.decision is Decision.ACCEPTED for c in result.closures] == [kept == 6] * 6 + [kept == 8] * 8
+
+
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])
