@@ -34,7 +34,6 @@ class Measurement:
         agreement: share of the points that match among those that match or that the other sensor looked through; of the
             cloud that has the smaller one.
         rms_m: root mean square of the distances of matched points.
-        fitness_m2: mean squared distance of the match's points from the query's.
     """
 
     T_query_match: FloatArray
@@ -43,7 +42,6 @@ class Measurement:
     inlier_ratio: float
     agreement: float
     rms_m: float
-    fitness_m2: float
 
     @property
     def score(self) -> float:
@@ -65,7 +63,6 @@ def evaluate(
         _structure_seen(match, se3.transform(T_match_query, query.structure)),
     )
     near = np.concatenate([found.gaps_m for found in seen])
-    whole = query.levels[-1].distances(se3.transform(T_query_match, match.levels[-1].points))
     return Measurement(
         T_query_match=T_query_match,
         covariance=covariance,
@@ -73,7 +70,6 @@ def evaluate(
         inlier_ratio=float(np.mean([found.share for found in seen])),
         agreement=min(found.agreement for found in seen),
         rms_m=float(np.sqrt(np.square(near).mean())) if len(near) else float("nan"),
-        fitness_m2=float(np.square(whole).mean()),
     )
 
 

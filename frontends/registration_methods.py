@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
@@ -144,15 +143,15 @@ class PointToPointIcp:
             num_threads=settings.num_threads,
             max_iterations=self._ITERATIONS,
         )
-        measured = evaluate(query, match, found.T_target_source, np.eye(6))
-        return [replace(measured, covariance=np.eye(6) * max(measured.fitness_m2, 1e-6))]
+        gaps_m = query.levels[0].distances(se3.transform(found.T_target_source, match.levels[0].points))
+        fitness_m2 = max(float(np.square(gaps_m).mean()), 1e-6)
+        return [evaluate(query, match, found.T_target_source, fitness_m2 * np.eye(6))]
 
     def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
         """Mean squared distance too large."""
-        if measurement.fitness_m2 > settings.max_fitness_m2:
-            return (
-                f"mean squared distance {measurement.fitness_m2:.1f} m^2, at most {settings.max_fitness_m2:g} allowed"
-            )
+        fitness_m2 = float(measurement.covariance[0, 0])
+        if fitness_m2 > settings.max_fitness_m2:
+            return f"mean squared distance {fitness_m2:.1f} m^2, at most {settings.max_fitness_m2:g} allowed"
         return ""
 
 
