@@ -37,12 +37,12 @@ __all__ = ["GraphResult", "optimise"]
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """Which closures are believed (one mask a set), the poses `T_world_body` by robot, and the graph that gave them."""
+    """Which closures are believed (one mask a set), the poses `T_world_body` by robot, and GTSAM's graph and values."""
 
     believed: list[NDArray[np.bool_]]
     poses: dict[str, FloatArray]
     diagnosis: tuple[str, ...] = ()
-    graph: gtsam.NonlinearFactorGraph | None = None
+    solved: tuple[gtsam.NonlinearFactorGraph, gtsam.Values] | None = None
 
 
 def optimise(
@@ -79,14 +79,18 @@ def optimise(
     for z, mask in zip(sets, found.believed, strict=True):
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept, radio)
+    graph, values = found.solved or (
+        _final_graph(trajectories, kept, radio, groups, found.poses),
+        _values(found.poses),
+    )
     result = GraphResult(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
         closures=tuple(decided(closures, verdicts)),
         diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
-        graph=found.graph or _final_graph(trajectories, kept, radio, groups, found.poses),
-        values=_values(found.poses),
+        graph=graph,
+        values=values,
         sigma_scale=settings.sigma_scale,
     )
     return replace(result, closures=_with_residuals(result))
@@ -145,7 +149,8 @@ def _joint(
     groups = components(list(trajectories), kept, radio)
     start = _reset_unconnected(trajectories, groups, poses)
     graph = _final_graph(trajectories, kept, radio, groups, start)
-    return _Estimate(masks, _poses(solve(graph, _values(start)), trajectories), graph=graph)
+    values = solve(graph, _values(start))
+    return _Estimate(masks, _poses(values, trajectories), solved=(graph, values))
 
 
 def _decide(

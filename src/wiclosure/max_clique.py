@@ -72,6 +72,7 @@ class _Search:
 
     def __init__(self, neighbours: list[int], weight: list[float], deadline: float) -> None:
         self.neighbours = neighbours
+        self.apart = [~(near | 1 << vertex) for vertex, near in enumerate(neighbours)]
         self.weight = weight
         self.alike = len(set(weight)) <= 1
         self.deadline = deadline
@@ -121,13 +122,14 @@ class _Search:
         bounded: list[tuple[int, float]] = []
         before = 0.0
         while candidates:
-            colour = []
-            independent = candidates
+            colour, coloured, independent = [], 0, candidates
             while independent:
-                vertex = (independent & -independent).bit_length() - 1
-                candidates &= ~(1 << vertex)
-                independent &= ~(1 << vertex) & ~self.neighbours[vertex]
+                lowest = independent & -independent
+                vertex = lowest.bit_length() - 1
                 colour.append(vertex)
+                coloured |= lowest
+                independent &= self.apart[vertex]
+            candidates ^= coloured
             if not self.alike:
                 colour.sort(key=self.weight.__getitem__)
             heaviest = before + self.weight[colour[-1]]
