@@ -42,7 +42,7 @@ from wiclosure.frontends.revisits import revisits
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.pipeline.cache import StageCache, default_cache_folder
-from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.inputs import Inputs, open_inputs
 from wiclosure.pipeline.odometry_stage import front_ends
@@ -249,8 +249,9 @@ def registration() -> None:
 
 @dataclass
 class Tally:
-    """What became of closures."""
+    """What became of closures; `near_m`: how far apart scans can be registered."""
 
+    near_m: float = NEAR_M
     proposed: int = 0
     verified: int = 0
     wrong: int = 0
@@ -263,7 +264,7 @@ class Tally:
         metres, degrees = errors_of(T_true, closure.T_query_match)
         wrong = metres > WRONG_M or degrees > WRONG_DEG
         passed = closure.decision is Decision.VERIFIED
-        near = float(np.linalg.norm(T_true[:3, 3])) <= NEAR_M
+        near = float(np.linalg.norm(T_true[:3, 3])) <= self.near_m
         self.proposed += 1
         self.verified += passed
         self.wrong += passed and wrong
@@ -279,7 +280,7 @@ class Tally:
         share = self.near_verified / max(self.near, 1)
         return (
             f"{self.verified} of {self.proposed} verified, {self.wrong} of them wrong; of {self.near} within"
-            f" {NEAR_M:g} m {self.near_verified} right ({share:.0%}); NEES {self.nees / right:.2f}"
+            f" {self.near_m:g} m {self.near_verified} right ({share:.0%}); NEES {self.nees / right:.2f}"
         )
 
 
@@ -316,27 +317,27 @@ def indoor() -> None:
 
 
 def worlds(seeds: Iterable[int]) -> None:
-    for name in ("shell-space", "city"):
+    for name, site in (("shell-space", "shell-space"), ("city", None)):
         for seed in seeds:
             with row(f"{name}, aliasing 0.8, seed {seed}, filter on", "no wrong one at >= 80 % kept; NEES 0.5 to 2"):
-                world(open_inputs([f"scenario:{name},aliasing=0.8,seed={seed}"]))
+                world(open_inputs([f"scenario:{name},aliasing=0.8,seed={seed}"]), resolve(site, None))
 
 
-def world(inputs: Inputs, sample: int = 100) -> None:
-    """What matching proposes, and a sample of what the filter keeps, within 10 m and beyond."""
-    config = Config()
+def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
+    """What matching proposes, and a sample of what the filter keeps, of pairs that can be registered and beyond."""
+    near_m = config.evaluation.registrable_radius_m
     cache = StageCache(default_cache_folder())
     fronts, _ = front_ends(inputs.robots, config, cache=cache, jobs=2, progress=NoProgress())
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
     kept = candidate_filter("wiclosure", inputs, config).candidates(keyframes, inputs.wireless).pairs[0]
     ends = [inputs.ground_truth[robot].at(keyframes[robot].stamps_ns) for robot in (kept.robot_a, kept.robot_b)]
     apart = np.linalg.norm(ends[0][:, None, :3, 3] - ends[1][None, :, :3, 3], axis=2)
-    near = apart[kept.index_a, kept.index_b] <= NEAR_M
-    print(f"  filter keeps {near.sum()} of {(apart <= NEAR_M).sum()} pairs within 10 m, {len(kept)} in all")
+    near = apart[kept.index_a, kept.index_b] <= near_m
+    print(f"  filter keeps {near.sum()} of {(apart <= near_m).sum()} pairs within {near_m:g} m, {len(kept)} in all")
     if kept.predictor is None:
         print("  its alignment is ambiguous: it predicts nothing")
     best = match(kept, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), config.matching).closures
-    print(f"  proposed: {verified(best, kept, fronts, ends)}")
+    print(f"  proposed: {verified(best, kept, fronts, ends, near_m)}")
     rng = np.random.default_rng(0)
     exhaustive = MatchingSettings(
         ring_key_neighbours=None,
@@ -344,7 +345,7 @@ def world(inputs: Inputs, sample: int = 100) -> None:
         max_distance=1.0,
         max_distance_with_prediction=1.0,
     )
-    for label, chosen in (("within 10 m", near), ("beyond", ~near)):
+    for label, chosen in ((f"within {near_m:g} m", near), ("beyond", ~near)):
         rows = np.sort(rng.permutation(np.flatnonzero(chosen))[:sample])
         some = CandidatePairs(
             kept.robot_a,
@@ -356,13 +357,17 @@ def world(inputs: Inputs, sample: int = 100) -> None:
             kept.predictor,
         )
         closures = match(some, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), exhaustive).closures
-        print(f"  {label}, any looks: {verified(closures, kept, fronts, ends)}")
+        print(f"  {label}, any looks: {verified(closures, kept, fronts, ends, near_m)}")
 
 
 def verified(
-    closures: Iterable[Closure], kept: CandidatePairs, fronts: dict[str, FrontEndResult], ends: list[FloatArray]
+    closures: Iterable[Closure],
+    kept: CandidatePairs,
+    fronts: dict[str, FrontEndResult],
+    ends: list[FloatArray],
+    near_m: float,
 ) -> Tally:
-    registration, tally = Registration(), Tally()
+    registration, tally = Registration(), Tally(near_m)
     for closure in closures:
         prior = None if kept.predictor is None else (closure.T_query_match, closure.covariance)
         clouds: list[Float32Array] = [fronts[k.robot].clouds[k.index] for k in (closure.query, closure.match)]
