@@ -129,7 +129,7 @@ class PoseGraphSettings(Settings):
     radio: bool = Field(
         False,
         description="the ranges and bearings that the filter's alignments rest on count as measurements too, and join"
-        " robots that no closure joins (joint only)",
+        " robots that no closure joins (joint only; g2o, and so `wiclosure optimize`, has none)",
     )
     anchor: str = Field("", description="robot whose odometry frame is the world; empty: the first of the data set")
     sigma_scale: float = Field(

@@ -36,6 +36,11 @@ class Keys:
         """The key of one keyframe."""
         return ((ord("a") + self.robots.index(robot)) << 56) + int(index)
 
+    @staticmethod
+    def same_robot(first: int, second: int) -> bool:
+        """Whether two keys are of keyframes of one robot."""
+        return first >> 56 == second >> 56
+
     def all(self, robot: str, indices: IntArray) -> list[int]:
         """The keys of many keyframes of one robot."""
         first = self(robot, 0)
@@ -45,7 +50,7 @@ class Keys:
 def carrying(
     trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet | RadioLinks]
 ) -> dict[str, NDArray[np.int64]]:
-    """Indices of the keyframes that closures hold, and the first, by robot: a graph of these alone is equivalent."""
+    """Keyframes that measurements hold, and the first, by robot: a graph of these alone is equivalent."""
     ends: dict[str, list[NDArray[np.int64]]] = {robot: [np.zeros(1, np.int64)] for robot in trajectories}
     for z in sets:
         ends[z.robot_a].append(z.index_a)
@@ -74,7 +79,7 @@ def odometry_covariances(trajectory: Trajectory, nodes: NDArray[np.int64], held:
 
 def odometry_factors(
     trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
+    sets: Sequence[ClosureSet | RadioLinks],
     keys: Keys,
     nodes: Mapping[str, NDArray[np.int64]] | None = None,
 ) -> gtsam.NonlinearFactorGraph:

@@ -57,7 +57,7 @@ def _without_edges(result: GraphResult) -> Iterator[str]:
     factors = map(result.graph.at, range(result.graph.size()))
     count = sum(not isinstance(f, gtsam.BetweenFactorPose3 | gtsam.PriorFactorPose3) for f in factors)
     if count:
-        yield f"# {count} ranges and bearings are not in this file, as g2o has no edges for them"
+        yield f"# {count} ranges and bearings, and what gravity tells, are not in this file: g2o has no edges for them"
 
 
 def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:
@@ -68,7 +68,12 @@ def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterato
         frozenset((keys(c.query.robot, c.query.index), keys(c.match.robot, c.match.index))): c.reason
         for c in result.accepted
     }
-    edges = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
+    edges = [
+        f
+        for f in map(result.graph.at, range(result.graph.size()))
+        if isinstance(f, gtsam.BetweenFactorPose3)
+        and (Keys.same_robot(*f.keys()) or frozenset(f.keys()) in reasons)  # not what only holds two frames level
+    ]
     if not edges:
         return
     information = np.stack([_information(f) for f in edges]) / result.sigma_scale**2

@@ -22,11 +22,11 @@ class GraphResult:
     Args:
         trajectories: keyframe poses `T_world_body` by robot.
         T_world_odom: `(4, 4)` by robot: where its odometry frame lies, taken at its first keyframe.
-        components: robots that accepted closures connect. The world of the first component is the odometry frame of the
-            first robot; every other component lies in the odometry frame of its own first robot.
+        components: robots that accepted closures, or radio, connect. The world of the first component is the odometry
+            frame of the first robot; every other component lies in the odometry frame of its own first robot.
         closures: in the order given, with the final decision and reason.
         diagnosis: sentences for the user.
-        graph: odometry, accepted closures and one anchor for each component.
+        graph: odometry, accepted closures, radio and one anchor for each component.
         values: the estimate in GTSAM's form.
         sigma_scale: factor on the standard deviations in `graph`.
     """

@@ -24,7 +24,7 @@ class PairConsistency:
         robot_a, robot_b: the robots; the same name twice for closures within one robot.
         considered: closures that were checked.
         kept: size of the set believed; 0 if none is.
-        largest: size of the largest consistent set.
+        largest: size of the largest consistent set, or of the heaviest (`PcmSettings.weight`).
         rival: size of the largest set among the closures that mostly contradict it.
         proven: false if the time ran out before a larger set was excluded.
         ambiguous: the rival is nearly as large, so that neither is believed.
@@ -58,9 +58,11 @@ def judge(
         settings: see `PcmSettings`.
     """
     weights = z.weight if settings.weight == "structure" else None
-    best = max_clique(consistent, weights=weights, time_budget_s=settings.time_budget_s)
-    members = np.zeros(len(z), bool)
-    members[list(best.members)] = True
+    best, members = _best(consistent, weights, settings)
+    if weights is not None and (_too_small(z, members, settings) or _chance(z, consistent, members, settings)):
+        # However good a few closures are, by themselves they prove nothing: then number counts.
+        weights = None
+        best, members = _best(consistent, weights, settings)
     rival = _rival(consistent, members, weights, settings)
     unclear = _ambiguous(z, best, rival, settings)
     doubt = (
@@ -82,6 +84,14 @@ def judge(
         sentence,
     )
     return report, _verdicts(z, consistent, members, doubt)
+
+
+def _best(consistent: BoolArray, weights: FloatArray | None, settings: PcmSettings) -> tuple[Clique, BoolArray]:
+    """The set of most weight, and which closures `(N,)` it holds."""
+    best = max_clique(consistent, weights=weights, time_budget_s=settings.time_budget_s)
+    members = np.zeros(len(consistent), bool)
+    members[list(best.members)] = True
+    return best, members
 
 
 def _rival(consistent: BoolArray, members: BoolArray, weights: FloatArray | None, settings: PcmSettings) -> Clique:
@@ -113,13 +123,11 @@ def _explained_otherwise(
     z: ClosureSet, consistent: BoolArray, members: BoolArray, places: FloatArray | None, settings: PcmSettings
 ) -> str:
     """By chance, or by one look-alike place; empty if neither."""
-    if not settings.guard or not z.between_robots:
+    if by_chance := _chance(z, consistent, members, settings):
+        return by_chance
+    if places is None or not settings.guard or not z.between_robots:
         return ""
     size = int(members.sum())
-    if chance_sets(consistent, members, settings.chance) > BELIEVABLE_CHANCE:
-        return f"the largest set has {size} of {len(z)} closures, which chance could explain"
-    if places is None:
-        return ""
     extent_m = float(np.linalg.norm(np.ptp(places[:, members], axis=1), axis=1).min())
     if extent_m >= settings.min_extent_m:
         return ""
@@ -127,6 +135,14 @@ def _explained_otherwise(
         f"all {size} closures that agree lie within {extent_m:.1f} m, as those of one look-alike place"
         f" would; {settings.min_extent_m:g} m are needed without a prediction (pcm.min_extent_m)"
     )
+
+
+def _chance(z: ClosureSet, consistent: BoolArray, members: BoolArray, settings: PcmSettings) -> str:
+    if not settings.guard or not z.between_robots:
+        return ""
+    if chance_sets(consistent, members, settings.chance) <= BELIEVABLE_CHANCE:
+        return ""
+    return f"the largest set has {int(members.sum())} of {len(z)} closures, which chance could explain"
 
 
 def _too_few(size: int, total: int, needed: int) -> str:

@@ -169,7 +169,8 @@ def _decide(
     roots = {group[0] for group in components(list(trajectories), sets, radio)}
     anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
     certain = with_factors(
-        odometry_factors(trajectories, sets, keys, nodes), [*anchors, *radio_factors(radio, trajectories, keys)]
+        odometry_factors(trajectories, [*sets, *radio], keys, nodes),
+        [*anchors, *radio_factors(radio, trajectories, keys)],
     )
     mask, values = believed(certain, closure_factors(sets, keys), _values(rigid, nodes), settings)
     poses = {}
@@ -191,7 +192,7 @@ def _final_graph(
     keys = Keys(tuple(trajectories))
     anchors = [anchor(keys(group[0], 0), gtsam.Pose3(poses[group[0]][0])) for group in groups]
     measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys)]
-    return with_factors(odometry_factors(trajectories, kept, keys), [*measured, *anchors])
+    return with_factors(odometry_factors(trajectories, [*kept, *radio], keys), [*measured, *anchors])
 
 
 def _reset_unconnected(

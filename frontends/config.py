@@ -106,8 +106,9 @@ class RegistrationSettings(Settings):
     )
     global_start: Literal["scan-context", "kiss-matcher"] = Field(
         "scan-context",
-        description="where nothing is predicted: scan context's yaw and turns of it, or features of both clouds"
-        " (KISS-Matcher, an optional library: pip install 'wiclosure[kiss-matcher]')",
+        description="where nothing is predicted: scan context's yaw and turns of it, and besides, with kiss-matcher,"
+        " the pose that features of both clouds tell (an optional library: pip install 'wiclosure[kiss-matcher]';"
+        " last digits differ from run to run)",
     )
     yaw_hypotheses: int = Field(
         8, ge=1, description="starting headings around the circle, from scan context's on, where nothing is predicted"

@@ -36,7 +36,10 @@ def global_starts(settings: RegistrationSettings) -> GlobalStarts:
 
 
 class _KissMatcher:
-    """One start from features of both clouds (Lim et al., "KISS-Matcher", ICRA 2025); other starts where few agree."""
+    """A start from features of both clouds (Lim et al., "KISS-Matcher", ICRA 2025), before the others.
+
+    The others stay: a second pose that fits as well is what tells that the place is ambiguous.
+    """
 
     def __init__(self, otherwise: GlobalStarts) -> None:
         try:
@@ -50,13 +53,14 @@ class _KissMatcher:
         self._otherwise = otherwise
 
     def __call__(self, query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
+        others = self._otherwise(query, match, yaw_rad)
         # The middle level: features of the finest take twice the time and are no better.
         level = len(query.levels) // 2
         voxel_m = query.voxel_m * 2.0 ** (len(query.levels) - 1 - level)
         matcher = self._library.KISSMatcher(self._library.KISSMatcherConfig(voxel_m))
         found = matcher.estimate(match.levels[level].points, query.levels[level].points)
         if not found.valid or matcher.get_num_final_inliers() < _FEWEST_INLIERS:
-            return self._otherwise(query, match, yaw_rad)
+            return others
         T_query_match = np.eye(4)
         T_query_match[:3, :3], T_query_match[:3, 3] = found.rotation, found.translation
-        return se3.exp(se3.log(T_query_match[None]))  # a rotation to the last digit
+        return np.concatenate([se3.exp(se3.log(T_query_match[None])), others])  # a rotation to the last digit

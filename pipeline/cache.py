@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
@@ -31,6 +31,9 @@ _ENTRY = re.compile(r"[a-z-]+-[0-9a-f]{24}")
 
 _FRONT_END_CODE = ("wiclosure", "wiclosure.frontends", "wiclosure.pipeline.sources")
 """What turns recordings into front end results."""
+
+
+_LIBRARIES = ("kiss-icp", "kiss-matcher", "small-gicp", "numpy", "rosbags", "open3d")
 
 
 def default_cache_folder() -> Path:
@@ -168,9 +171,16 @@ def file_identity(path: Path) -> list[object]:
 
 
 def _digest(stage: str, depends_on: object) -> str:
-    libraries = {name: version(name) for name in ("kiss-icp", "small-gicp", "numpy", "rosbags", "open3d")}
+    libraries = {name: _version(name) for name in _LIBRARIES}
     text = json.dumps([stage, depends_on, libraries, code_digest(_FRONT_END_CODE)], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:  # an optional one
+        return ""
 
 
 @cache

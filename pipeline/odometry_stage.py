@@ -138,7 +138,11 @@ def _odometry(robot: RobotInput, configs: Sequence[Config], cache: StageCache, s
     """By the first configuration; the cache takes what the others with the same odometry will need."""
     config = configs[0]
     recorded = robot.odometry if config.odometry.source == "recorded" else None
-    others = [c for c in configs[1:] if cache.folder is not None and c.odometry == config.odometry]
+    others = [
+        c
+        for c in configs[1:]
+        if cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
+    ]
     run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
     for scan in _reported(robot.scans, robot.robot, shown):
         run.process(scan)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from wiclosure.backends.graph_result import carried
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.registration import Registration
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.cache import StageCache
@@ -95,7 +96,13 @@ def prepare(
     progress: Progress,
     also: Sequence[Config] = (),
 ) -> Prepared:
-    """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`."""
+    """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
+
+    Raises:
+        ConfigError: a configuration needs a library that is not installed: said before the work.
+    """
+    for each in (config, *also):
+        Registration(each.registration)
     fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
     return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
 

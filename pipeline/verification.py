@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import as_completed
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -87,15 +88,16 @@ class Verification:
         work = [_Work(Start.of(closure, prior), closure, prior) for closure, prior in proposed]
         new = list({w.start: w for w in work if w.start not in self.known}.values())
         done = self._here(new) if self.jobs == 1 or len(new) < _WORTH_PROCESSES else self._side_by_side(new)
-        self.known.update(progress.track(done, "registration", len(new)))
+        with closing(done):  # an interruption here ends the processes at once
+            self.known.update(progress.track(done, "registration", len(new)))
         return [self.known[w.start] for w in work]
 
-    def _here(self, work: Sequence[_Work]) -> Iterator[tuple[Start, Registered]]:
+    def _here(self, work: Sequence[_Work]) -> Generator[tuple[Start, Registered], None, None]:
         # A registration of its own for every run: preparing a cloud is part of what each run costs.
         registration = Registration(self.settings)
         return (_registered(registration, w, self.clouds) for w in work)
 
-    def _side_by_side(self, work: Sequence[_Work]) -> Iterator[tuple[Start, Registered]]:
+    def _side_by_side(self, work: Sequence[_Work]) -> Generator[tuple[Start, Registered], None, None]:
         batches = [_Batch.of(work[begin : begin + _AT_ONCE], self.clouds) for begin in range(0, len(work), _AT_ONCE)]
         with side_by_side(
             _Worker.register, batches, min(self.jobs, len(batches)), begin=_Worker.begin, given=(self.settings,)
@@ -127,14 +129,17 @@ class _Worker:
     """What happens in another process."""
 
     registration: Registration
+    clouds: dict[KeyframeId, Float32Array]
 
     @classmethod
     def begin(cls, settings: RegistrationSettings) -> None:
-        cls.registration = Registration(settings)
+        cls.registration, cls.clouds = Registration(settings), {}
 
     @classmethod
     def register(cls, batch: _Batch) -> list[tuple[Start, Registered]]:
-        return [_registered(cls.registration, w, batch.clouds) for w in batch.work]
+        # Those of earlier batches stay, since what was prepared of them is known by the array itself.
+        cls.clouds = {**batch.clouds, **cls.clouds}
+        return [_registered(cls.registration, w, cls.clouds) for w in batch.work]
 
 
 def _registered(registration: Registration, work: _Work, clouds: Clouds) -> tuple[Start, Registered]:

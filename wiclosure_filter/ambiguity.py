@@ -30,8 +30,8 @@ class Verdict:
         covariance: `(4, 4)` of the best state; peaks too near to be called different are folded in.
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence.
-        rivals: rows of other peaks that are likely too, where that is the only doubt and they are few: with `best`
-            they hold the odds against all others that a certain alignment would.
+        rivals: rows of other peaks that are likely too, where they are few and clear: with `best` they hold the odds
+            against all others, and against chance, that a certain alignment would.
     """
 
     best: int

@@ -396,7 +396,7 @@ class FrameAlignment:
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence that says why, or what carries the alignment.
         runner_up: the best *different* alignment, or None.
-        rivals: where the only doubt is between a few alignments, those that are likely besides `best`.
+        rivals: where the doubt is between a few clear alignments, those that are likely besides `best`.
         heading_knowledge: `heading`, `reciprocal`, `one-way`, `range-only` or `none`.
     """
 

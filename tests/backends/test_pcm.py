@@ -150,6 +150,15 @@ def test_a_few_good_closures_outweigh_more_poor_ones_where_structure_counts(team
     assert [c.decision is Decision.ACCEPTED for c in result.closures] == [kept == 6] * 6 + [kept == 8] * 8
 
 
+def test_a_single_good_closure_does_not_outweigh_poor_ones_that_agree(team_maker):
+    team, rng = team_maker(4), np.random.default_rng(4)
+    poor = [replace(c, evidence=replace(c.evidence, inlier_ratio=0.3)) for c in random_closures(team, 3, rng)]
+    good = replace(team.false_closure(("alpha", 5), ("beta", 9), rng), evidence=Evidence(inlier_ratio=0.95))
+    for weight in ("count", "structure"):
+        result = pairwise_consistent([*poor, good], team.odometry, PcmSettings(weight=weight, min_extent_m=0.0))
+        assert result.pairs[0].kept == 3
+
+
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])

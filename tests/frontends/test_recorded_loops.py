@@ -122,7 +122,9 @@ def test_loops_are_found_without_any_prediction(
         assert np.linalg.norm(gap[:3, 3]) < 1.5
         assert np.degrees(se3.rotation_angle(gap)) < 1.5
         again = registration.verify(proposed(query, match), clouds[query], clouds[match])
-        np.testing.assert_array_equal(again.T_query_match, found.T_query_match)
+        # KISS-Matcher's threads add up in another order each time.
+        tolerance = 0.0 if start == "scan-context" else 0.02
+        np.testing.assert_allclose(again.T_query_match, found.T_query_match, rtol=0, atol=tolerance)
     unrelated = registration.verify(proposed(("05", 540), ("08", 720)), clouds["05", 540], clouds["08", 720])
     assert unrelated.decision is Decision.REJECTED
 

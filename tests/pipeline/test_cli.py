@@ -325,7 +325,7 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str,
     if how is signal.SIGINT:
         os.killpg(process.pid, how)  # as a terminal does: to the workers too
     else:
-        process.send_signal(how)  # as `kill` and `timeout` do: to the command alone
+        process.send_signal(how)  # as `kill` does: to the command alone
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.strip() == "interrupted: nothing is written; finished odometry is kept, unless with --no-cache"
