@@ -54,7 +54,7 @@ class WiClosureFilter:
         shared = share_trajectories(trajectories, wireless, alignments, self.settings)
         # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
         pairs = tuple(
-            self._joined(a, b, shared.estimates[a, b])
+            self._kept(a, b, shared.estimates[a, b])
             if (a, b) in shared.estimates
             else self._unjoined(a, b, trajectories, wireless, alignments)
             for a, b in robot_pairs(list(trajectories))
@@ -98,11 +98,11 @@ class WiClosureFilter:
             if frozenset((a, b)) in heard
         )
 
-    def _joined(self, robot_a: str, robot_b: str, estimate: SharedEstimate) -> CandidatePairs:
-        """Pairs that the gate keeps."""
+    def _kept(self, robot_a: str, robot_b: str, estimate: SharedEstimate) -> CandidatePairs:
+        """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
         gate = make_gate(self.settings.gate)
         parts = [find_overlap(model, gate) for model in estimate.models(robot_a, robot_b)]
-        kept = KeptPairs.joined(parts).best(self.settings.gate.budget)
+        kept = KeptPairs.united(parts).best(self.settings.gate.budget)
         return CandidatePairs(
             robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate
         )
@@ -125,13 +125,11 @@ class WiClosureFilter:
             none = np.zeros(0, np.int64)
             return CandidatePairs.without_prediction(robot_a, robot_b, none, none)
         own = next((al for al in alignments if (al.robot_a, al.robot_b) == (robot_a, robot_b)), None)
-        whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
-        if own is None:
-            return whole
-        rivals = RivalEstimates.of(own, trajectories, wireless, self.settings)
+        rivals = None if own is None else RivalEstimates.of(own, trajectories, wireless, self.settings)
         if rivals is not None:
-            return rivals.pairs()
-        return replace(whole, predictor=RelativeHeading.of(own, trajectories, self.settings))
+            return self._kept(robot_a, robot_b, rivals)
+        whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
+        return whole if own is None else replace(whole, predictor=RelativeHeading.of(own, trajectories, self.settings))
 
     def _explain(
         self, pairs: tuple[CandidatePairs, ...], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory

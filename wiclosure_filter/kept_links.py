@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class KeptLinks:
         links = links_between(robot_a, robot_b, trajectories, wireless, settings)
         path_of = dict(hypothesis.paths_kept)
         kept = np.flatnonzero([int(m) in path_of for m in links.measurement])
-        links = select(links, kept)
+        links = links.subset(kept)
         path = np.array([path_of[int(m)] for m in links.measurement], np.int64)
         chosen = links.path == np.where(path >= 0, path, -2)[:, None]
         direction, covariance = _directions(links, np.argmax(chosen, axis=1))
@@ -59,7 +59,7 @@ class KeptLinks:
         if len(self) <= most:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
-        return KeptLinks(select(self.links, rows), self.direction[rows], self.direction_covariance[rows])
+        return KeptLinks(self.links.subset(rows), self.direction[rows], self.direction_covariance[rows])
 
     def for_graph(self, T_a_b: FloatArray, level: FloatArray, trajectories: Mapping[str, Trajectory]) -> RadioLinks:
         """The same between keyframes.
@@ -111,13 +111,6 @@ class KeptLinks:
         of_bearing = np.sqrt(np.maximum(np.einsum("li,li->l", off, whitened), 0.0))
         residuals = np.concatenate([of_range[np.isfinite(of_range)], of_bearing])
         return float(np.median(residuals)) if len(residuals) else 0.0
-
-
-def select(links: Links, rows: IntArray) -> Links:
-    """Some of the measurements."""
-    scalar = {"robot_a", "robot_b", "left_out"}
-    values = {f.name: links.__dict__[f.name] for f in fields(links)}
-    return Links(**{name: value if name in scalar else value[rows] for name, value in values.items()})
 
 
 def _directions(links: Links, column: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -59,6 +59,8 @@ class KeptPairs:
     @classmethod
     def united(cls, parts: list[KeptPairs]) -> KeptPairs:
         """All pairs of several parts, in order; of one that occurs in several, the most probable."""
+        if len(parts) == 1:
+            return parts[0]
         whole = cls.joined(parts)
         whole = whole.rows(np.lexsort((-whole.overlap_probability, whole.index_b, whole.index_a)))
         again = (np.diff(whole.index_a, prepend=-1) == 0) & (np.diff(whole.index_b, prepend=-1) == 0)

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import CandidatePairs, FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.gates import make_gate
-from wiclosure.wiclosure_filter.overlap_search import KeptPairs, find_overlap
 from wiclosure.wiclosure_filter.pair_model import PairModel
 from wiclosure.wiclosure_filter.shared_trajectory import SharedEstimate, share_trajectories
 
@@ -27,13 +26,10 @@ class RivalEstimates:
     Implements `wiclosure.types.RelativePosePredictor`.
 
     Args:
-        robot_a, robot_b: the robots.
         estimates: two or more, the most likely first.
         settings: gate.
     """
 
-    robot_a: str
-    robot_b: str
     estimates: tuple[SharedEstimate, ...]
     settings: FilterSettings
 
@@ -57,20 +53,11 @@ class RivalEstimates:
             if pair not in shared.estimates:
                 return None
             estimates.append(shared.estimates[pair])
-        return cls(*pair, tuple(estimates), settings)
+        return cls(tuple(estimates), settings)
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Those of all estimates, the most likely one's first; each answers for every pair."""
         return tuple(model for estimate in self.estimates for model in estimate.models(robot_a, robot_b))
-
-    def pairs(self) -> CandidatePairs:
-        """Pairs that the gate keeps under any alignment, with the scores under the one that suits them best."""
-        gate = make_gate(self.settings.gate)
-        found = [find_overlap(model, gate) for model in self.models(self.robot_a, self.robot_b)]
-        kept = KeptPairs.united(found).best(self.settings.gate.budget)
-        return CandidatePairs(
-            self.robot_a, self.robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, self
-        )
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray

@@ -26,7 +26,7 @@ class SharedEstimate(Protocol):
     """Predicts how keyframes of different robots lie to each other."""
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
-        """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models."""
+        """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models or more."""
         ...
 
     def relative_poses(
