@@ -12,6 +12,7 @@ from kiss_icp.preprocess import Preprocessor
 
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
+from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import FloatArray, Scan
 
@@ -26,10 +27,10 @@ _JITTER = 0.25
 class KissOdometry:
     """Follows one sensor with KISS-ICP (Vizzo et al., RA-L 2023).
 
-    KISS-ICP maps the times of a scan's points linearly from [first, last] to [0, 1] and deskews to 1: a deskewed cloud,
-    and its pose, belong to the instant of the *last* point.  Without times they belong to the scan's own stamp.
+    Points are deskewed to the instant of the *last* one, as KISS-ICP does it: a deskewed cloud, and its pose, belong to
+    that.  Without times they belong to the scan's own stamp.
 
-    It also takes the sweep to last from one scan to the next.  In a recording that was thinned or that lost scans it
+    KISS-ICP takes the sweep to last from one scan to the next.  In a recording that was thinned or that lost scans it
     does not, and the deskewing would overshoot: here the motion is scaled to the true duration of the sweep.
     """
 
@@ -124,14 +125,15 @@ class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
 
 
 class _SweepPreprocessor:
-    """KISS-ICP's deskewing and range limits, with the motion scaled to what happens during the sweep."""
+    """KISS-ICP's range limits, after deskewing by the motion that happens during the sweep."""
 
     def __init__(self, preprocessor: Preprocessor) -> None:
         self._preprocessor = preprocessor
         self.motion_share = 1.0
 
     def preprocess(self, points: FloatArray, times: FloatArray, T_last_now: FloatArray) -> FloatArray:
-        """Points `(N, 3)` in, those within range at the instant of the last point out."""
-        if self.motion_share != 1.0:
-            T_last_now = se3.exp(self.motion_share * se3.log(T_last_now))
-        return np.asarray(self._preprocessor.preprocess(points, times, T_last_now))
+        """Points `(N, 3)` in, those within range at the instant of the last point out; the motion goes on evenly."""
+        if len(times):
+            motion = self.motion_share * se3.log(T_last_now)
+            points = deskewed(points, times, lambda share: se3.exp((share - 1.0)[:, None] * motion))
+        return np.asarray(self._preprocessor.preprocess(points, _NO_TIMES, T_last_now))

@@ -6,11 +6,10 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
+from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
-
-_INSTANTS = 256  # of a sweep at which the pose is interpolated: every 0.4 ms at 10 Hz
 
 
 class RecordedOdometry:
@@ -71,9 +70,10 @@ class RecordedOdometry:
         times = self._times(scan)
         if len(times) == 0:
             return scan.points
-        instants = np.linspace(times.min(), times.max(), _INSTANTS)
-        poses = self._trajectory.at(scan.stamp_ns + np.rint(instants * 1e9).astype(np.int64))
-        T_body_then = se3.between(T_odom_body, poses)
-        step = np.rint((times - instants[0]) / (instants[-1] - instants[0]) * (_INSTANTS - 1)).astype(np.intp)
-        turned = np.einsum("nij,nj->ni", T_body_then[step, :3, :3], scan.points)
-        return np.asarray(turned + T_body_then[step, :3, 3])
+        first_s, last_s = times.min(), times.max()
+
+        def T_end_at(share: FloatArray) -> FloatArray:
+            stamps_ns = scan.stamp_ns + np.rint((first_s + share * (last_s - first_s)) * 1e9).astype(np.int64)
+            return se3.between(T_odom_body, self._trajectory.at(stamps_ns))
+
+        return deskewed(scan.points, times, T_end_at)
