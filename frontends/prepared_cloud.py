@@ -12,7 +12,7 @@ import small_gicp
 from wiclosure.frontends.sight import Sight
 from wiclosure.types import Float32Array, FloatArray, KeyframeId
 
-_NEIGHBOURS = 20
+_NEIGHBOURS = 12  # that tell a point's normal; 20 take a fifth longer and measure no better
 _LEVEL_GROUND = 0.8
 
 
