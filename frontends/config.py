@@ -87,10 +87,13 @@ class MatchingSettings(Settings):
         None, gt=0, description="m; descriptors of the query moved so far to either side are tried too (augmented ones)"
     )
     suppression: int = Field(
+        0, ge=0, description="keyframes along both ways within which only the best pair is proposed; 0: all are"
+    )
+    suppression_with_prediction: int = Field(
         3,
         ge=0,
-        description="keyframes along both ways within which only the best pair is proposed; 0: all are. Two ways side"
-        " by side are one place, not dozens: a fifth of the closures give the same map in a fifth of the time",
+        description="the same where the filter tells where the pair lies: a fifth of the closures then gives the same"
+        " map in a fifth of the time. Where looks alone decide, their number is what tells true from false",
     )
     budget: int | None = Field(
         None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the ways"

@@ -39,7 +39,7 @@ class TenMetresApart:
 def test_the_same_places_seen_turned_are_proposed_with_their_yaw() -> None:
     a = descriptors(9, 0)
     b = np.roll(a[::-1], -3, axis=2)  # beta meets the places in reverse order, its body turned by +3 sectors
-    result = match(all_pairs(9, 9), a, b, MatchingSettings(max_distance=0.05, suppression=0))
+    result = match(all_pairs(9, 9), a, b, MatchingSettings(max_distance=0.05))
     assert [(c.query.index, c.match.index) for c in result.closures] == [(i, 8 - i) for i in range(9)]
     for closure in result.closures:
         assert closure.decision is Decision.PROPOSED
@@ -63,9 +63,7 @@ def test_proposals_equal_those_of_a_search_keyframe_by_keyframe(
     pairs = all_pairs(*counts)
     kept = np.flatnonzero(np.random.default_rng(seed).random(len(pairs)) < share)
     pairs = CandidatePairs.without_prediction("alpha", "beta", pairs.index_a[kept], pairs.index_b[kept])
-    chosen = MatchingSettings(
-        ring_key_neighbours=neighbours, candidates_per_keyframe=best, max_distance=0.6, suppression=0
-    )
+    chosen = MatchingSettings(ring_key_neighbours=neighbours, candidates_per_keyframe=best, max_distance=0.6)
     result = match(pairs, a, b, chosen)
 
     key_a, key_b = ring_keys(a, "mean-height"), ring_keys(b, "mean-height")
@@ -94,7 +92,7 @@ def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
     predicted = CandidatePairs(
         "alpha", "beta", bare.index_a, bare.index_b, probability, np.ones(len(bare)), TenMetresApart()
     )
-    chosen = MatchingSettings(max_distance=1e-3, max_distance_with_prediction=1.0, suppression=0)
+    chosen = MatchingSettings(max_distance=1e-3, max_distance_with_prediction=1.0, suppression_with_prediction=0)
     assert match(bare, a, b, chosen).closures == ()
     closures = match(predicted, a, b, chosen).closures
     assert len(closures) >= 3
@@ -110,7 +108,7 @@ def test_of_equally_alike_pairs_the_one_predicted_nearer_is_proposed() -> None:
     bare = all_pairs(3, 3)
     unknown = np.full(len(bare), np.nan)
     pairs = CandidatePairs("alpha", "beta", bare.index_a, bare.index_b, unknown, unknown, TenMetresApart())
-    closures = match(pairs, alike, alike, MatchingSettings(suppression=0)).closures
+    closures = match(pairs, alike, alike, MatchingSettings()).closures
     assert [(c.query.index, c.match.index) for c in closures] == [(0, 0), (1, 1), (2, 2)]
 
 
@@ -157,11 +155,21 @@ def test_a_budget_spreads_what_is_proposed_over_all_places() -> None:
     assert len(spread_out(a, a, cost, 0, None)) == 110
 
 
-def test_one_place_gives_few_closures() -> None:
+def test_one_place_gives_few_closures_when_told_so() -> None:
     same = descriptors(12, 0)
-    result = match(all_pairs(12, 12), same, same, MatchingSettings(max_distance=0.05))
+    result = match(all_pairs(12, 12), same, same, MatchingSettings(suppression=3, max_distance=0.05))
     assert len(result.closures) == 3
     assert (result.pairs_best, result.pairs_suppressed) == (12, 9)
+
+
+@pytest.mark.parametrize(("probability", "expected"), [(0.5, 3), (np.nan, 12)])
+def test_one_place_gives_few_closures_where_the_filter_tells_where_it_is(probability: float, expected: int) -> None:
+    """And all where the filter tells the headings only, or nothing."""
+    same, bare = descriptors(12, 0), all_pairs(12, 12)
+    told = np.full(len(bare), probability)
+    pairs = CandidatePairs("alpha", "beta", bare.index_a, bare.index_b, told, told, TenMetresApart())
+    chosen = MatchingSettings(max_distance_with_prediction=0.05)
+    assert len(match(pairs, same, same, chosen).closures) == expected
 
 
 def test_a_place_seen_from_another_lane_is_recognised_by_shifted_descriptors() -> None:
@@ -172,7 +180,7 @@ def test_a_place_seen_from_another_lane_is_recognised_by_shifted_descriptors() -
     alpha = [(houses - [x, 0.0, 0.0]).astype(np.float32) for x in (0.0, 25.0)]
     beta = [cloud - np.array([0.0, 3.0, 0.0], np.float32) for cloud in alpha]
     a, b = describe_all(alpha, settings).images, describe_all(beta, settings).images
-    chosen = MatchingSettings(max_distance=1.0, suppression=0)
+    chosen = MatchingSettings(max_distance=1.0)
     plain = match(all_pairs(2, 2), a, b, chosen)
     moved = match(all_pairs(2, 2), a, b, chosen, describe_shifted(alpha, settings, 3.0))
     distance = [min(c.evidence.scan_context_distance for c in result.closures) for result in (plain, moved)]
