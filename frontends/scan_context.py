@@ -8,12 +8,14 @@ its columns, so two descriptors are compared at every shift.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, Self
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy import fft
 
 from wiclosure.frontends.config import ScanContextSettings
@@ -27,8 +29,9 @@ _U = (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 200))) + 1e-9
 _ARCTAN = np.polynomial.Polynomial.fit(_U, np.arctan(np.sqrt(_U)) / (2 * np.pi * np.sqrt(_U)), 4).convert().coef
 _ARCTAN = _ARCTAN.astype(np.float32)
 
-# Pairs are compared in rectangles of so many keyframes: large enough for matrix products, small enough for caches.
-_QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 250
+# Pairs are compared in rectangles of so many keyframes: they fit the caches, and no matrix product (of 20 rings and 60
+# sectors) has the 2^18 multiplications from which on OpenBLAS shares it among threads of its own, which hold up ours.
+_QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 64
 _MOST_THREADS = 8  # beyond, memory is what they wait for
 
 
@@ -37,7 +40,7 @@ def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -
 
     Heights are counted from `height_offset_m` below the sensor, and what lies deeper is left out.
     """
-    image = np.zeros(settings.rings * settings.sectors, np.float32)
+    image = np.zeros((settings.rings + 1) * settings.sectors, np.float32)  # one ring more, for points out of range
     used_points = np.zeros(image.size)
     for start in range(0, len(points), _POINTS_AT_ONCE):
         bins, height = _bins(points[start : start + _POINTS_AT_ONCE], settings)
@@ -46,20 +49,20 @@ def describe(points: FloatArray | Float32Array, settings: ScanContextSettings) -
             used_points += np.bincount(bins, weights=height > 0, minlength=image.size)
     if settings.min_points_per_bin > 1:
         image[used_points < settings.min_points_per_bin] = 0.0
-    return image.reshape(settings.rings, settings.sectors)
+    return image.reshape(-1, settings.sectors)[:-1]
 
 
-def _bins(points: FloatArray | Float32Array, settings: ScanContextSettings) -> tuple[IntArray, Float32Array]:
-    """Bin and height of each point; points that do not count have height 0, which is quicker than leaving them out."""
+def _bins(points: FloatArray | Float32Array, settings: ScanContextSettings) -> tuple[NDArray[np.int32], Float32Array]:
+    """Bin and height of each point.
+
+    Points that do not count are not left out, which would take longer: those out of range go to the ring beyond the
+    last, and the heights of those too deep are negative.
+    """
     x, y, z = np.array(points.T, np.float32, order="C")  # one coordinate after the other: twice as fast below
-    distance = np.sqrt(x * x + y * y)
-    height = np.maximum(z + np.float32(settings.height_offset_m), 0) * (distance < settings.max_range_m)
-    ring = (distance * np.float32(settings.rings / settings.max_range_m)).astype(np.int32)
-    sector = (_turns(x, y) * np.float32(settings.sectors)).astype(np.int32)
-    # Points out of range, and those that rounding pushed just beyond a limit, go to the last bin.
-    np.minimum(ring, settings.rings - 1, out=ring)
-    np.minimum(sector, settings.sectors - 1, out=sector)
-    return (ring * settings.sectors + sector).astype(np.int64), height
+    distance, turns = np.sqrt(x * x + y * y), _turns(x, y)
+    ring = np.minimum(distance * np.float32(settings.rings / settings.max_range_m), settings.rings).astype(np.int32)
+    sector = np.minimum(turns * np.float32(settings.sectors), settings.sectors - 1).astype(np.int32)
+    return ring * settings.sectors + sector, z + np.float32(settings.height_offset_m)
 
 
 def _turns(x: Float32Array, y: Float32Array) -> Float32Array:
@@ -68,17 +71,18 @@ def _turns(x: Float32Array, y: Float32Array) -> Float32Array:
     The polynomial is the least-squares fit to the arctangent on [0, 1]; other octants are mirrored into this one.
     """
     across, along = np.abs(x), np.abs(y)
-    ratio = np.minimum(across, along) / np.maximum(np.maximum(across, along), np.float32(1e-12))
+    ratio = np.minimum(across, along) / (np.maximum(across, along) + np.float32(1e-12))
     square = ratio * ratio
-    turns = np.full_like(ratio, _ARCTAN[-1])
-    for coefficient in _ARCTAN[-2::-1]:
-        turns *= square
+    turns: Float32Array = _ARCTAN[-1] * square
+    for coefficient in _ARCTAN[-2:0:-1]:
         turns += coefficient
+        turns *= square
+    turns += _ARCTAN[0]
     turns *= ratio
     # |c - t| is c - t where c > 0, and t where c = 0: np.where stumbles over random conditions.
-    turns = np.abs(np.float32(0.25) * (along > across) - turns)
-    turns = np.abs(np.float32(0.5) * (x < 0) - turns)
-    return np.abs((y < 0) - turns)
+    for mirror, beyond in ((0.25, along > across), (0.5, x < 0), (1.0, y < 0)):
+        np.abs(np.subtract(np.float32(mirror) * beyond, turns, out=turns), out=turns)
+    return turns
 
 
 def ring_keys(descriptors: Float32Array, kind: Literal["mean-height", "occupied-share"]) -> Float32Array:
@@ -109,7 +113,11 @@ class ColumnSpectra:
         unit = np.divide(descriptors, length, out=np.zeros_like(descriptors), where=length > 0)
         spectrum = fft.rfft(np.asarray(unit, np.float32), axis=2).transpose(2, 0, 1)
         columns = np.concatenate([spectrum.real, spectrum.imag], axis=2)
-        return cls(np.asarray(columns, np.float32), (length[:, 0] > 0).astype(np.float32))
+        return cls(np.ascontiguousarray(columns, np.float32), (length[:, 0] > 0).astype(np.float32))
+
+    def some(self, keyframes: IntArray) -> Self:
+        """Those of keyframes `(n,)`."""
+        return type(self)(self.columns.take(keyframes, axis=1), self.occupied[keyframes])
 
     @property
     def sectors(self) -> int:
@@ -127,76 +135,77 @@ def compare(
     """
     distance, shift = np.zeros(len(index_query)), np.zeros(len(index_query), np.int64)
     order = np.argsort(index_query, kind="stable")
-    _, first = np.unique(index_query[order], return_index=True)
+    first = np.flatnonzero(np.diff(index_query[order], prepend=-1))
     bands = np.split(order, first[_QUERIES_AT_ONCE::_QUERIES_AT_ONCE])
 
-    def score(share: Sequence[IntArray]) -> None:
-        """Some of the bands: pairs of neighbouring queries."""
-        comparison = _Comparison(query, match)
-        for pairs in share:
-            rows, columns = np.unique(index_query[pairs]), np.unique(index_match[pairs])
-            row, column = np.searchsorted(rows, index_query[pairs]), np.searchsorted(columns, index_match[pairs])
-            for start in range(0, len(columns), _MATCHES_AT_ONCE):
-                similarity, turn = comparison.best(rows, columns[start : start + _MATCHES_AT_ONCE])
-                inside = (column >= start) & (column < start + _MATCHES_AT_ONCE)
-                cell = row[inside], column[inside] - start
-                distance[pairs[inside]], shift[pairs[inside]] = 1.0 - similarity[cell], turn[cell]
+    def score(pairs: IntArray) -> None:
+        """A band: all pairs of some neighbouring queries."""
+        rows, row = np.unique(index_query[pairs], return_inverse=True)
+        columns, column = np.unique(index_match[pairs], return_inverse=True)
+        similarity, turn = _Band(query.some(rows)).best(match, columns)
+        distance[pairs], shift[pairs] = 1.0 - similarity[column, row], turn[column, row]
 
-    # NumPy leaves other threads their turn; each pair is scored alone, so that the result is the same for any number.
-    threads = min(os.cpu_count() or 1, _MOST_THREADS, len(bands))
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(score, (bands[k::threads] for k in range(threads))))
+    # NumPy leaves other threads their turn; bands do not depend on the number of threads, nor does the result.
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, _MOST_THREADS)) as pool:
+        list(pool.map(score, bands))
     turned = shift / query.sectors
     return np.clip(distance, 0.0, 1.0), 2 * np.pi * np.where(turned > 0.5, turned - 1.0, turned)
 
 
-class _Comparison:
-    """Similarities of rectangles of pairs, in working memory that is used again and again."""
+class _Band:
+    """Some queries `(R,)`, made ready to be compared with any matches."""
 
-    def __init__(self, query: ColumnSpectra, match: ColumnSpectra) -> None:
-        self._query, self._match = query, match
+    def __init__(self, query: ColumnSpectra) -> None:
+        self._occupied = query.occupied
+        twice = np.concatenate([query.occupied, query.occupied[:, :-1]], axis=1)
+        self._turned = sliding_window_view(twice, query.sectors, axis=1)  # occupied: (queries, columns, shifts)
         # A product of one spectrum with another's conjugate, in real numbers: its real part, then its imaginary part.
-        re, im = np.split(query.columns, 2, axis=2)
-        self._queries = np.stack([query.columns, np.concatenate([im, -re], axis=2)])
-        self._matches = np.ascontiguousarray(match.columns.transpose(0, 2, 1))
-        self._shifts = query.sectors
-        self._waves = _inverse_transform(self._shifts)
-        # Rows of a length that is no power of two do not fight for the same lines of the cache.
-        pairs = _QUERIES_AT_ONCE * _MATCHES_AT_ONCE + 16
-        self._spectra = np.empty((self._waves.shape[1], pairs), np.float32)
-        self._profiles, self._shared = (np.empty((self._shifts, pairs), np.float32) for _ in range(2))
+        re, im = np.split(np.ascontiguousarray(query.columns.transpose(0, 2, 1)), 2, axis=1)
+        self._spectra = np.block([[re, im], [im, -re]])
 
-    def best(self, rows: IntArray, columns: IntArray) -> tuple[Float32Array, IntArray]:
-        """Greatest similarity `(R, C)` of queries `rows` and matches `columns` over all shifts, and that shift.
+    def best(self, match: ColumnSpectra, columns: IntArray) -> tuple[Float32Array, IntArray]:
+        """Greatest similarity `(C, R)` of matches `columns` and all queries over all shifts, and that shift."""
+        shape = len(columns), len(self._occupied)
+        similarity, shift = np.empty(shape, np.float32), np.empty(shape, np.int64)
+        for start in range(0, len(columns), _MATCHES_AT_ONCE):
+            chunk = slice(start, start + _MATCHES_AT_ONCE)
+            profiles = self._profiles(match.some(columns[chunk]))
+            shift[chunk] = profiles.argmax(axis=2)
+            similarity[chunk] = np.take_along_axis(profiles, shift[chunk, :, None], axis=2)[:, :, 0]
+        return similarity, shift
 
-        The similarity at a shift (paper, eq. 6) is the mean cosine of the columns.  By the correlation theorem the sums
-        over all shifts are products of spectra: one matrix product a frequency, and one back to shifts.  The mean runs
-        over columns occupied in both, so that a sensor that does not look all around can be compared, but over at least
-        a quarter of them: a few alike columns are no place.
+    def _profiles(self, match: ColumnSpectra) -> Float32Array:
+        """Similarity `(matches, queries, shifts)`: the mean cosine of the columns (paper, eq. 6).
+
+        By the correlation theorem the sums over all shifts are products of spectra: one matrix product a frequency, and
+        one a match back to shifts.
         """
-        shape, pairs = (len(rows), len(columns)), len(rows) * len(columns)
-        spectra, profiles = self._spectra[:, :pairs], self._profiles[:, :pairs]
-        products = spectra.reshape(2, len(self._matches), *shape)
-        np.matmul(self._queries[:, :, rows], self._matches[:, :, columns], out=products)
-        np.matmul(self._waves, spectra, out=profiles)
-        profiles /= self._columns_shared(rows, columns)
-        shift = profiles.argmax(axis=0)
-        return profiles[shift, np.arange(pairs)].reshape(shape), shift.reshape(shape)
+        frequencies, matches, _ = match.columns.shape
+        products = np.empty((matches, frequencies, self._spectra.shape[2]), np.float32)
+        np.matmul(match.columns, self._spectra, out=products.transpose(1, 0, 2))
+        spectra = products.reshape(matches, 2 * frequencies, -1).transpose(0, 2, 1)
+        profiles = spectra @ _inverse_transform(match.sectors)
+        profiles /= self._columns_shared(match)
+        return profiles
 
-    def _columns_shared(self, rows: IntArray, columns: IntArray) -> Float32Array:
-        """Over how many columns the mean runs, `(shifts or 1, R * C)`."""
-        query, match = self._query.occupied[rows], self._match.occupied[columns]
-        least = np.float32(_MIN_SHARED_COLUMNS * self._shifts)
-        if query.all() or match.all():  # as with most sensors that look all around: the same at every shift
-            fewer = np.minimum.outer(query.sum(axis=1), match.sum(axis=1))
-            return np.asarray(np.maximum(fewer, least).reshape(1, -1), np.float32)
-        shared = self._shared[:, : len(rows) * len(columns)]
-        turned = np.stack([np.roll(query, -shift, axis=1) for shift in range(self._shifts)])
-        np.matmul(turned, match.T, out=shared.reshape(self._shifts, len(rows), len(columns)))
-        return np.maximum(shared, least, out=shared)
+    def _columns_shared(self, match: ColumnSpectra) -> Float32Array:
+        """Over how many columns the mean runs, `(matches, queries, shifts)`.
+
+        Over those occupied in both, so that a sensor that does not look all around can be compared, but over at least a
+        quarter of all: a few alike columns are no place.  Counted are the query's, without those that face an empty one
+        of the match: few columns are empty in any match.
+        """
+        empty = 1 - match.occupied
+        some = np.flatnonzero(empty.any(axis=0))
+        lost = empty[:, some] @ self._turned[:, some]
+        shared = self._occupied.sum(axis=1)[:, None, None] - lost
+        np.maximum(shared, np.float32(_MIN_SHARED_COLUMNS * match.sectors), out=shared)
+        return np.asarray(shared.transpose(1, 0, 2))
 
 
+@cache
 def _inverse_transform(sectors: int) -> Float32Array:
-    """`(sectors, 2 frequencies)`: from real and imaginary parts of a real signal's spectrum to the signal."""
+    """`(2 frequencies, sectors)`: from a real signal's spectrum, real and imaginary parts in turn, to the signal."""
     identity = np.eye(sectors // 2 + 1)
-    return np.asarray(fft.irfft(np.concatenate([identity, 1j * identity]), n=sectors, axis=1).T, np.float32, order="C")
+    parts = np.stack([identity, 1j * identity], axis=1).reshape(-1, len(identity))
+    return np.asarray(fft.irfft(parts, n=sectors, axis=1), np.float32)

@@ -87,6 +87,17 @@ def test_all_pairs_at_all_shifts_at_once_equal_shifting_columns_by_hand(
         assert profile[round(yaw[k] / (2 * np.pi) * shape[1])] == pytest.approx(profile.min(), abs=1e-5)
 
 
+def test_the_number_of_threads_does_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    spectra = ColumnSpectra.of(rng.random((100, 20, 60), np.float32) * (rng.random((100, 1, 60)) >= 0.1))
+    a, b = np.divmod(rng.permutation(100 * 100), 100)
+    results = []
+    for processors in (1, 3):
+        monkeypatch.setattr("os.cpu_count", lambda processors=processors: processors)
+        results.append(compare(spectra, spectra, a, b))
+    np.testing.assert_array_equal(results[0], results[1])
+
+
 def test_a_bin_holds_its_greatest_height_above_the_offset() -> None:
     points = np.array([[10.0, 0.1, -1.0], [10.0, 0.1, 3.0], [10.0, 0.1, -5.0], [200.0, 0.0, 1.0]])
     image = describe(points, SETTINGS)
