@@ -17,6 +17,7 @@ from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
 from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.frontends.revisits import revisits
 from wiclosure.interfaces import CandidateFilter
+from wiclosure.pipeline.closure_checks import unless_filter_objects
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.verification import Verification
@@ -36,7 +37,7 @@ class Solution:
         filtered: pairs kept by the filter, alignments, its diagnosis.
         matched: what scan context proposed of them, one entry a robot pair.
         closures: every proposed closure with its final decision and reason.
-        verified: the same closures as the registration left them.
+        verified: the same closures as the registration left them, and what the filter says of their measured poses.
         consistent: the same closures as PCM left them.
         graph: trajectories in one world frame.
         seconds: time a stage, as if nothing had been computed before; of registrations side by side, their sum.
@@ -87,8 +88,11 @@ def solve(
         for pairs in candidates
     )
     began = time.perf_counter()
-    verified, verification_s = _verify(candidates, matched, verification, progress)
+    registered, verification_s = _verify(candidates, matched, verification, progress)
     verification_spent_s = time.perf_counter() - began
+    began = time.perf_counter()
+    verified = unless_filter_objects(registered, filtered)
+    check_s = time.perf_counter() - began
     began = time.perf_counter()
     consistent = pairwise_consistent(verified, keyframes, config.pcm)
     graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
@@ -96,7 +100,7 @@ def solve(
 
     closures = graph.closures
     seconds = {
-        "filter": filtered.seconds,
+        "filter": filtered.seconds + check_s,
         "matching": sum(m.seconds for m in matched),
         "verification": verification_s,
         "optimisation": optimisation_s,

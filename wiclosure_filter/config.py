@@ -115,6 +115,13 @@ class FilterSettings(Settings):
         description="where the radio cannot tell how two robots' frames lie: pass what the few alignments that are left"
         " allow (every pair, if they are many), reject every pair, or stop with an error",
     )
+    closure_odds: float | None = Field(
+        default=1000.0,
+        gt=1,
+        description="closures are refused after their registration where what the radio measured is so many times"
+        " likelier under another alignment of the robots than under the one they imply; null: none are (the paper)."
+        " In halls and streets true ones stay below 70, most false ones lie above 10,000",
+    )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()
     range_gate: RangeGateSettings = RangeGateSettings()
@@ -126,4 +133,5 @@ class FilterSettings(Settings):
             alignment=AlignmentSettings(multipath="pcm"),
             shared_trajectory=SharedTrajectorySettings(method="shortest"),
             gate=GateSettings(method="mahalanobis"),
+            closure_odds=None,
         )

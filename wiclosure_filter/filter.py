@@ -11,6 +11,7 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.types import (
     CandidatePairs,
+    ClosureCheck,
     FilterResult,
     FrameAlignment,
     Trajectory,
@@ -18,6 +19,7 @@ from wiclosure.types import (
     robot_pairs,
 )
 from wiclosure.wiclosure_filter.alignment import align
+from wiclosure.wiclosure_filter.alignment_odds import AlignmentOdds
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.gates import make_gate
 from wiclosure.wiclosure_filter.overlap_search import KeptPairs, find_overlap
@@ -68,6 +70,7 @@ class WiClosureFilter:
             diagnosis=diagnosis,
             seconds=perf_counter() - start,
             links=shared.links,
+            checks=self._checks(alignments, trajectories, wireless),
         )
 
     def update(self, new_keyframes: Mapping[str, Trajectory], new_wireless: WirelessLog) -> FilterResult:
@@ -130,6 +133,19 @@ class WiClosureFilter:
             return self._kept(robot_a, robot_b, rivals)
         whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
         return whole if own is None else replace(whole, predictor=RelativeHeading.of(own, trajectories, self.settings))
+
+    def _checks(
+        self, alignments: Sequence[FrameAlignment], trajectories: Mapping[str, Trajectory], wireless: WirelessLog
+    ) -> dict[tuple[str, str], ClosureCheck]:
+        """What the radio will say of closures, for the robots of which it says anything."""
+        most = self.settings.closure_odds
+        if most is None:
+            return {}
+        found = {
+            (al.robot_a, al.robot_b): AlignmentOdds.of(al, trajectories, wireless, self.settings.alignment, most)
+            for al in alignments
+        }
+        return {pair: check for pair, check in found.items() if check is not None}
 
     def _explain(
         self, pairs: tuple[CandidatePairs, ...], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory

@@ -161,15 +161,25 @@ def independence(links: Links, radius_m: float) -> FloatArray:
 def drift_from(
     anchor: int, observations: Observations, trajectories: tuple[Trajectory, Trajectory], inflation: float
 ) -> tuple[FloatArray, FloatArray]:
-    """How far a rigid transform that is right at one measurement may be off at the others.
+    """How far a rigid transform that is right at one measurement may be off at the others, see `drift_since`."""
+    at_a, at_b = int(observations.index_a[anchor]), int(observations.index_b[anchor])
+    return drift_since(at_a, at_b, observations, trajectories, inflation)
+
+
+def drift_since(
+    at_a: int, at_b: int, observations: Observations, trajectories: tuple[Trajectory, Trajectory], inflation: float
+) -> tuple[FloatArray, FloatArray]:
+    """How far a rigid transform that is right where a and b are at some keyframes may be off at the measurements.
 
     Returns:
         Standard deviations `(M,)` of the horizontal position (m) and of the yaw (rad) of the robots relative to each
-        other, by the drift of both since the anchor.
+        other, by the drift of both since then.
     """
     position_variance, yaw_variance = np.zeros(len(observations)), np.zeros(len(observations))
-    for trajectory, index in zip(trajectories, (observations.index_a, observations.index_b), strict=True):
-        covariance = trajectory.relative_covariance(np.full(len(index), index[anchor]), index)
+    for trajectory, at, index in zip(
+        trajectories, (at_a, at_b), (observations.index_a, observations.index_b), strict=True
+    ):
+        covariance = trajectory.relative_covariance(np.full(len(index), at), index)
         position_variance += (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
         yaw_variance += covariance[:, 2, 2]
     return inflation * np.sqrt(position_variance), inflation * np.sqrt(yaw_variance)

@@ -8,7 +8,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -326,6 +326,23 @@ class RelativePosePredictor(Protocol):
         ...
 
 
+class ClosureCheck(Protocol):
+    """Holds measured closures of two robots against what a filter knows of them."""
+
+    def objections(
+        self, T_a_b: FloatArray, covariance: FloatArray, index_a: IntArray, index_b: IntArray
+    ) -> tuple[str, ...]:
+        """Why each of N closures cannot be, as a sentence; empty where nothing speaks against it.
+
+        Args:
+            T_a_b: `(N, 4, 4)` measured poses of keyframes of b in those of a.
+            covariance: `(N, 6, 6)` their covariances.
+            index_a: `(N,)` keyframes of a.
+            index_b: `(N,)` those of b.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidatePairs:
     """Pairs of keyframes of two robots that may see the same place.
@@ -458,6 +475,7 @@ class FilterResult:
         diagnosis: sentences for the user: what was passed, rejected or left out, and why.
         seconds: wall time spent.
         links: measurements that the kept pairs rest on, for the pose graph.
+        checks: what measured closures of two robots, by their names, can be held against.
     """
 
     filter_name: str
@@ -467,6 +485,7 @@ class FilterResult:
     diagnosis: tuple[str, ...] = ()
     seconds: float = 0.0
     links: tuple[RadioLinks, ...] = ()
+    checks: Mapping[tuple[str, str], ClosureCheck] = field(default_factory=dict)
 
     @property
     def pairs_kept(self) -> int:
