@@ -103,7 +103,7 @@ class KissOdometry:
         kiss = _KissICP(
             KISSConfig(
                 data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
-                mapping=MappingConfig(voxel_size=self.voxel_size_m),
+                mapping=MappingConfig(voxel_size=self.voxel_size_m, max_points_per_voxel=settings.points_per_voxel),
                 registration=RegistrationConfig(
                     max_num_threads=settings.num_threads, convergence_criterion=settings.convergence
                 ),
