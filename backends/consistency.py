@@ -14,9 +14,8 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.cycles import Cycles, mahalanobis_squared
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 
-BoolArray = NDArray[np.bool_]
 Levels = NDArray[np.uint8]
 NEVER = 255
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PcmSettings
-from wiclosure.backends.consistency import BoolArray
 from wiclosure.max_clique import Clique, max_clique
-from wiclosure.types import Decision, FloatArray
+from wiclosure.types import BoolArray, Decision, FloatArray
 
 BELIEVABLE_CHANCE = 0.05  # expected number of sets as large that chance alone would make
 

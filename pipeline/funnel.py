@@ -10,16 +10,15 @@ from collections.abc import Mapping, Sequence
 
 from wiclosure.pipeline.closure_quality import PASSED, ClosureJudge
 from wiclosure.pipeline.metrics import CandidateMetrics, StageCount
-from wiclosure.types import Closure, Decision, Trajectory
+from wiclosure.types import Closure, Decision, FilterResult, Trajectory
 
 STAGES = ("pairs", "kept", "scan context", "registered", "PCM", "graph")
 
 
 def funnel(
     candidates: CandidateMetrics,
+    filtered: FilterResult,
     *,
-    pairs_total: int,
-    pairs_kept: int,
     verified: Sequence[Closure],
     consistent: Sequence[Closure],
     final: Sequence[Closure],
@@ -30,8 +29,7 @@ def funnel(
 
     Args:
         candidates: kept pairs against those within the overlap radius.
-        pairs_total: pairs of keyframes between robots.
-        pairs_kept: those that the filter left.
+        filtered: what the filter left.
         verified: every proposed closure as registration left it.
         consistent: the same as PCM left them.
         final: the same as the graph left them.
@@ -45,8 +43,8 @@ def funnel(
         [c for c in final if c.decision is Decision.ACCEPTED],
     )
     rows = [
-        (pairs_total, candidates["true"], candidates["false"]),
-        (pairs_kept, candidates["kept_true"], candidates["kept_false"]),
+        (filtered.pairs_total, candidates["true"], candidates["false"]),
+        (filtered.pairs_kept, candidates["kept_true"], candidates["kept_false"]),
         (len(verified), *near),
         *((len(closures), *judge.count(closures)) for closures in measured),
     ]

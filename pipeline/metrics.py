@@ -88,12 +88,24 @@ class TrajectoryMetrics(TypedDict):
     diagnosis: list[str]
 
 
-class Metrics(TrajectoryMetrics):
+class CostMetrics(TypedDict):
+    """What a run took: wall time a stage, bytes between the robots, memory.
+
+    `seconds` is what the run costs from raw scans; `seconds_spent` what it really spent, with stages taken from a cache
+    or another arm.
+    """
+
+    seconds: dict[str, float]
+    seconds_spent: dict[str, float]
+    bytes_exchanged: int | None
+    peak_rss_mb: float | None
+
+
+class Metrics(TrajectoryMetrics, CostMetrics):
     """All of `metrics.json`.
 
     `ate_odometry_m` has each robot's plain odometry aligned on its own, and under `team` the error over all robots:
-    what drift leaves to anyone who places the robots perfectly but mends nothing within them.  `seconds` is what the
-    run costs from raw scans; `seconds_spent` what it really spent, with stages taken from a cache or another arm.
+    what drift leaves to anyone who places the robots perfectly but mends nothing within them.
     """
 
     filter: str
@@ -104,7 +116,3 @@ class Metrics(TrajectoryMetrics):
     closures: ClosureMetrics
     funnel: list[StageCount]
     ate_odometry_m: dict[str, float | None]
-    seconds: dict[str, float]
-    seconds_spent: dict[str, float]
-    bytes_exchanged: int | None
-    peak_rss_mb: float | None

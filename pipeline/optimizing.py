@@ -15,7 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
-from wiclosure.backends.g2o_reader import G2oTeam, pose_name, read_g2o
+from wiclosure.backends.g2o_lines import pose_name
+from wiclosure.backends.g2o_reader import G2oTeam, read_g2o
 from wiclosure.backends.g2o_writer import write_g2o
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.pcm import PcmResult, pairwise_consistent

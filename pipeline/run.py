@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import carried
@@ -15,9 +15,9 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.evaluation import evaluate
+from wiclosure.pipeline.evaluation import Findings, evaluate
 from wiclosure.pipeline.inputs import Inputs
-from wiclosure.pipeline.metrics import Metrics
+from wiclosure.pipeline.metrics import CostMetrics, Metrics
 from wiclosure.pipeline.odometry_stage import front_ends, left_out
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.registration_store import RegistrationStore
@@ -124,22 +124,21 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     began = time.perf_counter()
     merged_map = _map(fronts, solution, config)
     mapping_s = time.perf_counter() - began
-    paid = [] if prepared.shared else [f for robot, f in fronts.items() if robot not in prepared.from_cache]
-    metrics = evaluate(
+    found = Findings(
         filtered=solution.filtered,
-        keyframes={robot: front.keyframes for robot, front in fronts.items()},
         verified=solution.verified,
         consistent=solution.consistent,
         closures=solution.closures,
+        components=solution.graph.components,
+        keyframes={robot: front.keyframes for robot, front in fronts.items()},
         odometry={robot: front.odometry for robot, front in fronts.items()},
         merged=merged,
-        components=solution.graph.components,
-        truth=inputs.ground_truth,
-        settings=config.evaluation,
-        seconds=_stages(fronts.values(), solution.seconds, mapping_s),
-        seconds_spent=_stages(paid, solution.seconds_spent, mapping_s),
-        bytes_exchanged=solution.bytes_exchanged,
-        peak_rss_mb=peak_rss_mb(),
+    )
+    metrics = evaluate(
+        found,
+        inputs.ground_truth,
+        config.evaluation,
+        costs=_costs(prepared, solution, mapping_s),
         diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
     )
     for sentence in metrics["diagnosis"]:
@@ -147,9 +146,19 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
 
 
-def _stages(fronts: Iterable[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:
+def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
+    """What the run took: from raw scans, and without what an earlier run has paid for."""
+    paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
+    return {
+        "seconds": _stages(prepared.fronts.values(), solution.seconds, mapping_s),
+        "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
+        "bytes_exchanged": solution.bytes_exchanged,
+        "peak_rss_mb": peak_rss_mb(),
+    }
+
+
+def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:
     """Seconds of every stage in order, and their sum."""
-    fronts = list(fronts)
     seconds = {
         "odometry": sum(f.seconds_odometry for f in fronts),
         "descriptors": sum(f.seconds_descriptors for f in fronts),

@@ -19,7 +19,8 @@ from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.ambiguity import Verdict, judge
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.drifting_frames import drift_matters, follow_drift
-from wiclosure.wiclosure_filter.links import Links, links_between
+from wiclosure.wiclosure_filter.link_gathering import links_between
+from wiclosure.wiclosure_filter.links import Links
 from wiclosure.wiclosure_filter.mixture import Explanation
 from wiclosure.wiclosure_filter.observations import Observations
 from wiclosure.wiclosure_filter.pairwise_consistency import pairwise_consistency

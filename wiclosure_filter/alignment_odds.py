@@ -15,7 +15,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links import links_between
+from wiclosure.wiclosure_filter.link_gathering import links_between
 from wiclosure.wiclosure_filter.mixture import Mixture
 from wiclosure.wiclosure_filter.observations import Observations, drift_since
 from wiclosure.wiclosure_filter.refinement import Prior

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from wiclosure.types import FloatArray
+from wiclosure.types import BoolArray, FloatArray
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.refinement import Peaks, Prior, displacement_m, explained
 

@@ -7,16 +7,13 @@ Each gate also answers for whole groups of pairs, from a lower bound of their di
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wiclosure.types import FloatArray
+from wiclosure.types import BoolArray, FloatArray
 from wiclosure.wiclosure_filter.ball_probability import probability_within
 from wiclosure.wiclosure_filter.config import GateSettings
-
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 # Bounds are computed in another order than the pairs' own values, and determinants of flat ellipses lose digits:
 # rounding must not lose a pair on the edge.

@@ -10,7 +10,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links import Links, links_between
+from wiclosure.wiclosure_filter.link_gathering import links_between
+from wiclosure.wiclosure_filter.links import Links
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
 UNKNOWN_ELEVATION = 0.5

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure.types import FloatArray, IntArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment_settings import RadioSettings
-from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.observations import Observations
 
 MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild

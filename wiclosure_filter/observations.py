@@ -12,9 +12,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links import BoolArray, Links
+from wiclosure.wiclosure_filter.links import Links
 
 _LEAST_SIGMA_M, _LEAST_SIGMA_RAD = 0.01, 0.002  # no radio or compass is better, whatever the log says
 _CLIMBING = 0.2  # height over distance from which ranges tell heights; below, they tell as little as a mirror

@@ -18,10 +18,9 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.max_clique import max_clique
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus import AnchoredPeaks
-from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.mixture import Mixture
 from wiclosure.wiclosure_filter.observations import Observations, drift_from
 from wiclosure.wiclosure_filter.refinement import Peaks, Prior, climb

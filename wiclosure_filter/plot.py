@@ -27,7 +27,8 @@ from wiclosure.wiclosure_filter.ball_probability import principal_axes
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.gates import make_gate
 from wiclosure.wiclosure_filter.joint_estimate import JointEstimate
-from wiclosure.wiclosure_filter.links import Links, links_between
+from wiclosure.wiclosure_filter.link_gathering import links_between
+from wiclosure.wiclosure_filter.links import Links
 from wiclosure.wiclosure_filter.overlap_search import SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.pair_model import PairModel
 from wiclosure.wiclosure_filter.rival_estimates import RivalEstimates

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.types import FloatArray, IntArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links import BoolArray
 from wiclosure.wiclosure_filter.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.observations import Observations
 

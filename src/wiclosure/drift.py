@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from wiclosure import se3
-from wiclosure.se3 import FloatArray
+from wiclosure.arrays import FloatArray
 from wiclosure.settings import Settings
 
 

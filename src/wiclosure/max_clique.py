@@ -11,7 +11,8 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from wiclosure.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +33,7 @@ class Clique:
         return len(self.members)
 
 
-def max_clique(
-    consistent: NDArray[np.bool_], *, weights: NDArray[np.float64] | None = None, time_budget_s: float = 5.0
-) -> Clique:
+def max_clique(consistent: BoolArray, *, weights: FloatArray | None = None, time_budget_s: float = 5.0) -> Clique:
     """The maximum clique of a consistency matrix.
 
     Args:
@@ -59,7 +58,7 @@ def max_clique(
     return Clique(tuple(sorted(int(order[v]) for v in search.best)), search.proven, search.best_weight)
 
 
-def _bitsets(consistent: NDArray[np.bool_]) -> list[int]:
+def _bitsets(consistent: BoolArray) -> list[int]:
     """Neighbours of each vertex as an integer, bit v for vertex v."""
     linked = consistent.copy()
     np.fill_diagonal(linked, False)

@@ -7,13 +7,10 @@ on the right: `T_true = T @ exp(xi)`.  Shapes: transforms `(..., 4, 4)`, tangent
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-FloatArray: TypeAlias = NDArray[np.float64]
+from wiclosure.arrays import FloatArray, IntArray
 
 
 def inverse(T_a_b: FloatArray) -> FloatArray:
@@ -131,7 +128,7 @@ def rotation_angle(T: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(np.linalg.norm(axis, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1.0))
 
 
-def interpolate(stamps_ns: NDArray[np.int64], poses: FloatArray, at_ns: NDArray[np.int64]) -> FloatArray:
+def interpolate(stamps_ns: IntArray, poses: FloatArray, at_ns: IntArray) -> FloatArray:
     """Poses `(M, 4, 4)` at the stamps `at_ns (M,)`: linear in position, spherical in rotation.
 
     Stamps outside the range take the first or the last pose: the caller decides whether that is allowed.

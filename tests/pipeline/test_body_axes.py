@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.pipeline.body_axes import body_rotation, in_lidar_axes
-from wiclosure.pipeline.evaluation import EvaluationSettings, evaluate
+from wiclosure.pipeline.evaluation import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.metrics import CostMetrics
 from wiclosure.pipeline.trajectory_error import Matched
 from wiclosure.types import Closure, Decision, Evidence, FilterResult, KeyframeId, Trajectory
 
@@ -116,20 +117,18 @@ def figures(truth: dict[str, Trajectory]):
         )
         for n in range(10)
     ]
-    return evaluate(
+    found = Findings(
         filtered=FilterResult("none", (), 0),
-        keyframes={robot: noisy(t, 1, 0.01, 0.001).moved(se3.inverse(t.poses[0])) for robot, t in TRUE.items()},
         verified=closures,
         consistent=closures,
         closures=closures,
+        components=(("alpha", "beta"),),
+        keyframes={robot: noisy(t, 1, 0.01, 0.001).moved(se3.inverse(t.poses[0])) for robot, t in TRUE.items()},
         odometry=TRUE,
         merged={robot: noisy(t, 1, 0.01, 0.001) for robot, t in TRUE.items()},
-        components=(("alpha", "beta"),),
-        truth=truth,
-        settings=EvaluationSettings(),
-        seconds={},
-        seconds_spent={},
     )
+    costs: CostMetrics = {"seconds": {}, "seconds_spent": {}, "bytes_exchanged": None, "peak_rss_mb": None}
+    return evaluate(found, truth, EvaluationSettings(), costs=costs)
 
 
 @pytest.mark.parametrize("axes", [CAMERA, UPSIDE_DOWN, Rotation.from_euler("z", 93, degrees=True).as_matrix()])

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.pipeline.closure_quality import candidate_metrics
-from wiclosure.pipeline.evaluation import EvaluationSettings, evaluate
+from wiclosure.pipeline.evaluation import EvaluationSettings, Findings, evaluate
 from wiclosure.pipeline.funnel import STAGES
 from wiclosure.pipeline.trajectory_error import (
     Matched,
@@ -170,6 +170,7 @@ def test_candidate_metrics_agree_with_brute_force(seed, radius, share):
 
 
 TRUTH = {"alpha": path(1), "beta": path(2, robot="beta"), "gamma": path(3, robot="gamma")}
+COSTS = {"seconds": {"total": 1.0}, "seconds_spent": {"total": 0.5}, "bytes_exchanged": 5, "peak_rss_mb": 100.0}
 
 
 class TestWholeEvaluation:
@@ -180,7 +181,7 @@ class TestWholeEvaluation:
         T = T @ se3.from_yaw(0.0, np.array([error, 0.0, 0.0]))
         return Closure(KeyframeId("alpha", a), KeyframeId("beta", b), T, np.eye(6), Evidence(), decision)
 
-    def run(self, **changes):
+    def run(self, truth=TRUTH, **changes):
         odometry = {r: t.moved(se3.inverse(t.poses[0])) for r, t in TRUTH.items()}
         frame = turned(5)
         final = [
@@ -197,22 +198,17 @@ class TestWholeEvaluation:
         filtered = FilterResult(
             "wiclosure", pairs, 3 * 6400, (FrameAlignment("alpha", "beta", None, None, True, "two walls"),)
         )
-        arguments = {
-            "filtered": filtered,
-            "keyframes": odometry,
-            "verified": [replace(c, decision=Decision.VERIFIED) for c in final],
-            "consistent": [replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
-            "closures": final,
-            "odometry": odometry,
-            "merged": {r: t.moved(frame) for r, t in TRUTH.items()},
-            "components": (("alpha", "beta", "gamma"),),
-            "truth": TRUTH,
-            "settings": EvaluationSettings(),
-            "seconds": {"total": 1.0},
-            "seconds_spent": {"total": 0.5},
-            "diagnosis": ("all is well",),
-        }
-        return evaluate(**(arguments | changes))
+        found = Findings(
+            filtered=filtered,
+            verified=[replace(c, decision=Decision.VERIFIED) for c in final],
+            consistent=[replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
+            closures=final,
+            components=(("alpha", "beta", "gamma"),),
+            keyframes=odometry,
+            odometry=odometry,
+            merged={r: t.moved(frame) for r, t in TRUTH.items()},
+        )
+        return evaluate(replace(found, **changes), truth, EvaluationSettings(), costs=COSTS, diagnosis=("all is well",))
 
     def test_a_perfect_merge(self):
         metrics = self.run()
@@ -235,7 +231,7 @@ class TestWholeEvaluation:
         assert metrics["diagnosis"] == ["all is well"]
 
     def test_keys_of_the_contract_and_plain_json(self):
-        metrics = self.run(bytes_exchanged=5, peak_rss_mb=100.0)
+        metrics = self.run()
         assert json.loads(json.dumps(metrics, allow_nan=False)) == metrics
         assert {
             "filter", "pairs_total", "pairs_kept", "candidates", "candidates_registrable", "closures", "ate_m",

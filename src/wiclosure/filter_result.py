@@ -1,0 +1,134 @@
+"""What a candidate filter finds: kept pairs, how the frames lie, and the radio links that it takes for true."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from wiclosure.arrays import BoolArray, FloatArray, IntArray
+from wiclosure.candidates import CandidatePairs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignmentHypothesis:
+    """One way in which two odometry frames may lie: transform, log-likelihood, and the paths it explains.
+
+    Args:
+        T_a_b: `(4, 4)`, odometry frame of b in that of a.
+        log_likelihood: of all measurements between the robots under this transform.
+        paths_kept: `(measurement, path)` indices into the wireless log's measurements; path -1 stands for a measurement
+            whose range was used without a direction.
+    """
+
+    T_a_b: FloatArray
+    log_likelihood: float
+    paths_kept: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameAlignment:
+    """What the radio says of how two robots' odometry frames lie.
+
+    Args:
+        robot_a, robot_b: the robots.
+        best: most likely alignment, or None where there is none.
+        covariance: `(6, 6)` of `best.T_a_b`, or None.
+        ambiguous: true where the alignment must not be used to prune.
+        reason: one sentence that says why, or what carries the alignment.
+        runner_up: the best *different* alignment, or None.
+        rivals: where the doubt is between a few clear alignments, those that are likely besides `best`.
+        heading_knowledge: `heading`, `reciprocal`, `one-way`, `range-only` or `none`.
+    """
+
+    robot_a: str
+    robot_b: str
+    best: AlignmentHypothesis | None
+    covariance: FloatArray | None
+    ambiguous: bool
+    reason: str
+    runner_up: AlignmentHypothesis | None = None
+    heading_knowledge: str = "none"
+    rivals: tuple[AlignmentHypothesis, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadioLinks:
+    """What two robots measured of each other and a filter takes for true, ready for a pose graph.
+
+    Args:
+        robot_a, robot_b: the robots.
+        T_a_b: `(4, 4)` odometry frame of b in that of a, roughly.
+        level: `(6, 6)` covariance of what is known of `T_a_b` without these measurements: gravity, and the ground.
+        index_a, index_b: `(L,)` keyframes nearest in time.
+        antenna_a, antenna_b: `(L, 3)` m, antennas when they measured, in the body axes of these keyframes.
+        a_receives: `(L,)` whether a measured b's signal.
+        range_m, range_sigma_m: `(L,)`; NaN where nothing was ranged.
+        direction: `(L, 3)` unit vector to the transmitter, in the body axes of the receiver's keyframe; NaN where the
+            direct path is not known.
+        direction_covariance: `(L, 3, 3)` of the direction, on the tangent plane, rad^2.
+    """
+
+    robot_a: str
+    robot_b: str
+    T_a_b: FloatArray
+    level: FloatArray
+    index_a: IntArray
+    index_b: IntArray
+    antenna_a: FloatArray
+    antenna_b: FloatArray
+    a_receives: BoolArray
+    range_m: FloatArray
+    range_sigma_m: FloatArray
+    direction: FloatArray
+    direction_covariance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+class ClosureCheck(Protocol):
+    """Holds measured closures of two robots against what a filter knows of them."""
+
+    def objections(
+        self, T_a_b: FloatArray, covariance: FloatArray, index_a: IntArray, index_b: IntArray
+    ) -> tuple[str, ...]:
+        """Why each of N closures cannot be, as a sentence; empty where nothing speaks against it.
+
+        Args:
+            T_a_b: `(N, 4, 4)` measured poses of keyframes of b in those of a.
+            covariance: `(N, 6, 6)` their covariances.
+            index_a: `(N,)` keyframes of a.
+            index_b: `(N,)` those of b.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterResult:
+    """What a candidate filter gives to the pipeline.
+
+    Args:
+        filter_name: registry name of the filter.
+        pairs: kept pairs, one entry for each pair of robots (also when empty).
+        pairs_total: how many pairs of keyframes there are between different robots.
+        alignments: one for each pair of robots of which the radio says anything.
+        diagnosis: sentences for the user: what was passed, rejected or left out, and why.
+        seconds: wall time spent.
+        links: measurements that the kept pairs rest on, for the pose graph.
+        checks: what measured closures of two robots, by their names, can be held against.
+    """
+
+    filter_name: str
+    pairs: tuple[CandidatePairs, ...]
+    pairs_total: int
+    alignments: tuple[FrameAlignment, ...] = ()
+    diagnosis: tuple[str, ...] = ()
+    seconds: float = 0.0
+    links: tuple[RadioLinks, ...] = ()
+    checks: Mapping[tuple[str, str], ClosureCheck] = field(default_factory=dict)
+
+    @property
+    def pairs_kept(self) -> int:
+        """How many pairs passed."""
+        return sum(len(p) for p in self.pairs)
