@@ -62,3 +62,12 @@ for pairs in result.pairs:
         )
 for sentence in result.diagnosis:
     print(sentence)
+
+# --- And after the registration: what the radio has against a measured pose, here of the last pair above. --------------
+measured = np.diag(np.square([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))  # rad, m: how exact your registration is
+for wrong_m in (0.0, 20.0):
+    T_measured = T @ se3.from_yaw(0.0, np.array([wrong_m, 0.0, 0.0]))
+    (objection,) = result.checks["alpha", "beta"].objections(
+        T_measured[None], measured[None], pairs.index_a[[row]], pairs.index_b[[row]]
+    )
+    print(f"moved by {wrong_m:g} m: {objection or 'nothing against it'}")
