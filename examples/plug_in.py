@@ -63,7 +63,7 @@ for pairs in result.pairs:
 for sentence in result.diagnosis:
     print(sentence)
 
-# --- And after the registration: what the radio has against a measured pose, here of the last pair above. --------------
+# --- And after the registration: what the radio has against a measured pose, here of the last pair above. -------------
 measured = np.diag(np.square([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))  # rad, m: how exact your registration is
 for wrong_m in (0.0, 20.0):
     T_measured = T @ se3.from_yaw(0.0, np.array([wrong_m, 0.0, 0.0]))
