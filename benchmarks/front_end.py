@@ -305,7 +305,7 @@ def indoor() -> None:
         "along recorded odometry": revisits(front.keyframes, settings),
         "by looks alone": CandidatePairs.without_prediction("alpha", "alpha", a, b),
     }
-    every_place = MatchingSettings(suppression_with_prediction=0)  # counted is every keyframe
+    every_place = MatchingSettings(suppression_where_located=0)  # counted is every keyframe
     with row("revisits on indoor_loop, places within 10 m", ">= 90 % found, none false"):
         for label, candidates in arms.items():
             registration, tally, found = Registration(), Tally(), set()
@@ -348,7 +348,7 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
         candidates_per_keyframe=10**6,
         max_distance=1.0,
         max_distance_with_prediction=1.0,
-        suppression_with_prediction=0,
+        suppression_where_located=0,
     )
     for label, chosen in ((f"within {near_m:g} m", near), ("beyond", ~near)):
         rows = np.sort(rng.permutation(np.flatnonzero(chosen))[:sample])

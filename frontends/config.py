@@ -93,13 +93,16 @@ class MatchingSettings(Settings):
         None, gt=0, description="m; descriptors of the query moved so far to either side are tried too (augmented ones)"
     )
     suppression: int = Field(
-        0, ge=0, description="keyframes along both ways within which only the best pair is proposed; 0: all are"
+        0,
+        ge=0,
+        description="keyframes along both ways within which only the best pair is proposed, where nothing tells where"
+        " the pairs lie; 0: all are. There their number is what tells true from false",
     )
-    suppression_with_prediction: int = Field(
+    suppression_where_located: int = Field(
         3,
         ge=0,
-        description="the same where the filter tells where the pair lies: a fifth of the closures then gives the same"
-        " map in a fifth of the time. Where looks alone decide, their number is what tells true from false",
+        description="the same where the filter, or a robot's own odometry, tells where they lie: a fifth of the"
+        " closures then gives the same map in a fifth of the time",
     )
     budget: int | None = Field(
         None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the ways"

@@ -8,7 +8,6 @@ from wiclosure import se3
 from wiclosure.types import FloatArray
 
 _REACH_VOXELS = 6.0
-_UNKNOWN_VOXELS = 30.0  # as far as the coarsest registration finds correspondences
 _REACH_YAW_RAD = 0.3
 _UNKNOWN_YAW_RAD = 1.0
 _SPREAD = 1.5
@@ -25,19 +24,19 @@ def around_scan_context(yaw_rad: float, count: int) -> FloatArray:
 
 
 def around_prediction(
-    T_query_match: FloatArray, covariance: FloatArray, scan_context_yaw_rad: float, voxel_m: float
+    T_query_match: FloatArray, covariance: FloatArray, scan_context_yaw_rad: float, voxel_m: float, *, located: bool
 ) -> FloatArray:
     """Starts `(S, 4, 4)` at the predicted pose and, where it is vague, around it.
 
     One step of 1.5 standard deviations to either side along each direction in which the prediction is vaguer than the
-    reach of the coarsest registration: two principal axes of the position, unless it is as good as unknown, and the
-    yaw, which is tried all around where it is.  Scan context's yaw is tried at the predicted position where the
-    prediction leaves room.
+    reach of the coarsest registration: two principal axes of the position, unless only the heading is predicted (not
+    `located`: scans that overlap are best registered from where they are), and the yaw, which is tried all around where
+    it is as good as unknown.  Scan context's yaw is tried at the predicted position where the prediction leaves room.
     """
     steps = [np.zeros(6)]
     variances, axes = np.linalg.eigh(covariance[3:, 3:])
     for variance, axis in zip(variances[:0:-1], axes.T[:0:-1], strict=True):
-        if (_REACH_VOXELS * voxel_m) ** 2 < variance < (_UNKNOWN_VOXELS * voxel_m) ** 2:
+        if located and variance > (_REACH_VOXELS * voxel_m) ** 2:
             step = np.concatenate([np.zeros(3), _SPREAD * np.sqrt(variance) * axis])
             steps += [step, -step]
     sigma_yaw_rad = float(np.sqrt(covariance[2, 2]))

@@ -96,8 +96,7 @@ def match(
     alike = np.flatnonzero(distance <= limit)
     cost = distance[alike] + _remoteness(pairs, near[alike])
     best = _best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)
-    located = np.isfinite(pairs.overlap_probability).all()  # else only headings are predicted, or nothing
-    width = settings.suppression_with_prediction if located else settings.suppression
+    width = settings.suppression_where_located if pairs.located else settings.suppression
     spread = best[spread_out(a[alike[best]], b[alike[best]], cost[best], width, settings.budget)]
     rows = alike[spread]
     closures = _propose(pairs, near[rows], distance[rows], yaw[rows])

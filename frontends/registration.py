@@ -57,7 +57,7 @@ class Registration:
         if prior is None:
             starts = self._global_starts(query, match, yaw)
         else:
-            starts = hypotheses.around_prediction(*prior, yaw, query.voxel_m)
+            starts = hypotheses.around_prediction(*prior, yaw, query.voxel_m, located=closure.located)
         measured = self._method.measure(query, match, starts, self._settings)
         chi2 = np.array([_chi2(m, prior) for m in measured])
         # NaN without a prediction: comparing with it is false, so nothing contradicts.

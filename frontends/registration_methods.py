@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 import small_gicp
@@ -40,6 +40,10 @@ class RegistrationMethod(Protocol):
         ...
 
 
+_Pass: TypeAlias = tuple[int, float]
+"""Level of the clouds, and how far correspondences reach, in voxels of the finest level."""
+
+
 class CoarseToFineGicp:
     """Generalized ICP (Segal et al., RSS 2009) at three resolutions.
 
@@ -50,7 +54,8 @@ class CoarseToFineGicp:
     """
 
     _VOXELS = (4.0, 2.0, 1.0)
-    _COARSE, *_FINER = ((0, 30.0), (1, 12.0), (2, 2.0), (2, 1.2))  # passes: level, reach of correspondences
+    _COARSE: _Pass = (0, 30.0)
+    _FINER: tuple[_Pass, ...] = ((1, 12.0), (2, 2.0), (2, 1.2))
     _ITERATIONS = 30
     _REFINED = 2
 
@@ -65,11 +70,11 @@ class CoarseToFineGicp:
         coarse = [self._align(self._COARSE, query, match, start, settings).T_target_source for start in starts]
         measured = []
         for start in self._best_distinct(query.levels[0], match.levels[0], coarse, query.voxel_m):
-            first, *further = self._FINER
-            found = self._align(first, query, match, start, settings)
-            for finer in further:
-                found = self._align(finer, query, match, found.T_target_source, settings)
-            measured.append(evaluate(query, match, found.T_target_source, gicp_covariance(found, query)))
+            T_query_match = start
+            for finer in self._FINER:
+                found = self._align(finer, query, match, T_query_match, settings)
+                T_query_match = found.T_target_source
+            measured.append(evaluate(query, match, T_query_match, gicp_covariance(found, query)))
         return measured
 
     def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
@@ -86,13 +91,13 @@ class CoarseToFineGicp:
 
     def _align(
         self,
-        of: tuple[int, float],
+        level_and_reach: _Pass,
         query: PreparedCloud,
         match: PreparedCloud,
         start: FloatArray,
         settings: RegistrationSettings,
     ) -> Any:
-        level, reach = of
+        level, reach = level_and_reach
         return small_gicp.align(
             query.levels[level].cloud,
             match.levels[level].cloud,

@@ -29,9 +29,10 @@ _U = (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 200))) + 1e-9
 _ARCTAN = np.polynomial.Polynomial.fit(_U, np.arctan(np.sqrt(_U)) / (2 * np.pi * np.sqrt(_U)), 4).convert().coef
 _ARCTAN = _ARCTAN.astype(np.float32)
 
-# Pairs are compared in rectangles of so many keyframes: they fit the caches, and no matrix product (of 20 rings and 60
-# sectors) has the 2^18 multiplications from which on OpenBLAS shares it among threads of its own, which hold up ours.
+# Pairs are compared in rectangles of so many keyframes, which fit the caches; of fewer matches where descriptors are
+# large: from 2^18 multiplications on, OpenBLAS shares a matrix product among threads of its own, which hold up ours.
 _QUERIES_AT_ONCE, _MATCHES_AT_ONCE = 32, 64
+_LARGEST_PRODUCT = (1 << 18) - 1
 _MOST_THREADS = 8  # beyond, memory is what they wait for
 
 
@@ -167,8 +168,9 @@ class _Band:
         """Greatest similarity `(C, R)` of matches `columns` and all queries over all shifts, and that shift."""
         shape = len(columns), len(self._occupied)
         similarity, shift = np.empty(shape, np.float32), np.empty(shape, np.int64)
-        for start in range(0, len(columns), _MATCHES_AT_ONCE):
-            chunk = slice(start, start + _MATCHES_AT_ONCE)
+        at_once = min(_MATCHES_AT_ONCE, max(1, _LARGEST_PRODUCT // max(1, self._spectra[0].size)))
+        for start in range(0, len(columns), at_once):
+            chunk = slice(start, start + at_once)
             profiles = self._profiles(match.some(columns[chunk]))
             shift[chunk] = profiles.argmax(axis=2)
             similarity[chunk] = np.take_along_axis(profiles, shift[chunk, :, None], axis=2)[:, :, 0]

@@ -54,6 +54,11 @@ class CandidatePairs:
     def __len__(self) -> int:
         return len(self.index_a)
 
+    @property
+    def located(self) -> bool:
+        """Whether it is predicted where all pairs lie, by the filter or by a robot's own odometry."""
+        return self.robot_a == self.robot_b or bool(np.isfinite(self.overlap_probability).all())
+
     @classmethod
     def without_prediction(cls, robot_a: str, robot_b: str, index_a: IntArray, index_b: IntArray) -> CandidatePairs:
         """Pairs of which nothing more is known."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from wiclosure.arrays import FloatArray
 
 
@@ -75,3 +77,8 @@ class Closure:
     evidence: Evidence
     decision: Decision
     reason: str = ""
+
+    @property
+    def located(self) -> bool:
+        """Whether it was predicted where the match lies, see `CandidatePairs.located`."""
+        return self.query.robot == self.match.robot or bool(np.isfinite(self.evidence.overlap_probability))

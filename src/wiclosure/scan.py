@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from wiclosure.arrays import Float32Array, FloatArray
 
 
@@ -14,7 +16,7 @@ class Scan:
     Args:
         stamp_ns: time of the scan, as its source states it.
         points: `(N, 3)` float64, metres; finite, without returns at the origin.
-        times: `(N,)` seconds after `stamp_ns` (may be negative) at which each point was measured, or None.
+        times: `(N,)` seconds after `stamp_ns` (may be negative) at which each point was measured, finite; or None.
         intensity: `(N,)`, or None.
     """
 
@@ -29,3 +31,5 @@ class Scan:
         for name, values in (("times", self.times), ("intensity", self.intensity)):
             if values is not None and values.shape != (len(self.points),):
                 raise ValueError(f"scan {name} have shape {values.shape}; expected ({len(self.points)},)")
+        if self.times is not None and not np.isfinite(self.times).all():
+            raise ValueError("scan times are not all finite; leave out the points that have none")

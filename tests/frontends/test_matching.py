@@ -92,7 +92,7 @@ def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
     predicted = CandidatePairs(
         "alpha", "beta", bare.index_a, bare.index_b, probability, np.ones(len(bare)), TenMetresApart()
     )
-    chosen = MatchingSettings(max_distance=1e-3, max_distance_with_prediction=1.0, suppression_with_prediction=0)
+    chosen = MatchingSettings(max_distance=1e-3, max_distance_with_prediction=1.0, suppression_where_located=0)
     assert match(bare, a, b, chosen).closures == ()
     closures = match(predicted, a, b, chosen).closures
     assert len(closures) >= 3

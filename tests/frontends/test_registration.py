@@ -216,13 +216,20 @@ def test_starts_go_around_the_circle_from_scan_contexts_yaw() -> None:
 
 def test_a_sure_prediction_is_one_start_and_a_vague_one_is_searched_around() -> None:
     sure = np.diag(np.square([0.01, 0.01, 0.02, 0.5, 0.5, 0.1]))
-    np.testing.assert_allclose(around_prediction(TRUTH, sure, float("nan"), 0.5), TRUTH[None], atol=1e-12)
+    np.testing.assert_allclose(around_prediction(TRUTH, sure, float("nan"), 0.5, located=True), TRUTH[None], atol=1e-12)
     vague = np.diag(np.square([0.01, 0.01, 0.5, 8.0, 1.0, 0.1]))
-    starts = around_prediction(TRUTH, vague, 0.6 + 1.0, 0.5)
+    starts = around_prediction(TRUTH, vague, 0.6 + 1.0, 0.5, located=True)
     along = [se3.between(TRUTH, start)[0, 3] for start in starts]
     assert {round(x, 6) for x in along} == {0.0, 12.0, -12.0}
     turns = [float(se3.yaw(se3.between(TRUTH, start))) for start in starts]
     assert {round(x, 6) for x in turns} == {0.0, 0.75, -0.75, 1.0}
     lost = np.diag(np.square([0.01, 0.01, 2.0, 0.5, 0.5, 0.1]))
-    yaws = np.sort(se3.yaw(around_prediction(TRUTH, lost, float("nan"), 0.5)))
+    yaws = np.sort(se3.yaw(around_prediction(TRUTH, lost, float("nan"), 0.5, located=True)))
     np.testing.assert_allclose(np.diff(yaws), np.pi / 4)
+
+
+def test_where_only_the_heading_is_predicted_no_start_lies_apart() -> None:
+    heading_only = np.diag(np.square([0.02, 0.02, 0.1, 17.0, 17.0, 2.0]))
+    starts = around_prediction(TRUTH, heading_only, float("nan"), 0.5, located=False)
+    np.testing.assert_allclose(starts, TRUTH[None], atol=1e-12)
+    assert len(around_prediction(TRUTH, heading_only, float("nan"), 0.5, located=True)) == 5
