@@ -25,7 +25,7 @@ from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, Key
 
 logger = logging.getLogger(__name__)
 
-_FIGURES = re.compile(r"-?\d+(\.\d+)?")
+_FIGURES = re.compile(r"-?\d[\d.,^]*")
 BYTES_PER_POSE = 64  # stamp, position and quaternion, 8 bytes each
 
 
@@ -117,7 +117,7 @@ def solve(
         consistent=tuple(consistent.closures),
         diagnosis=(
             *filtered.diagnosis,
-            *_nothing_left(filtered, matched, verified, closures),
+            *_nothing_left(filtered, matched, registered, verified, closures),
             *consistent.diagnosis,
             *graph.diagnosis,
         ),
@@ -155,7 +155,11 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
 
 
 def _nothing_left(
-    filtered: FilterResult, matched: Sequence[MatchResult], verified: Sequence[Closure], closures: Sequence[Closure]
+    filtered: FilterResult,
+    matched: Sequence[MatchResult],
+    registered: Sequence[Closure],
+    verified: Sequence[Closure],
+    closures: Sequence[Closure],
 ) -> tuple[str, ...]:
     """Where the candidates were lost, said when nothing reached the graph."""
     if any(c.decision is Decision.ACCEPTED for c in closures) or not filtered.pairs:
@@ -167,5 +171,9 @@ def _nothing_left(
     return (
         f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
         f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration verified"
-        f" {sum(c.decision is Decision.VERIFIED for c in verified)}{often}",
+        f" {_live(registered)}, of which the filter's check left {_live(verified)}{often}",
     )
+
+
+def _live(closures: Sequence[Closure]) -> int:
+    return sum(closure.decision is Decision.VERIFIED for closure in closures)

@@ -61,6 +61,8 @@ class WiClosureFilter:
             else self._unjoined(a, b, trajectories, wireless, alignments)
             for a, b in robot_pairs(list(trajectories))
         )
+        # 5. What will the radio say of measured closures?
+        checks = self._checks(alignments, trajectories, wireless)
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
         return FilterResult(
             filter_name=self.name,
@@ -70,7 +72,7 @@ class WiClosureFilter:
             diagnosis=diagnosis,
             seconds=perf_counter() - start,
             links=shared.links,
-            checks=self._checks(alignments, trajectories, wireless),
+            checks=checks,
         )
 
     def update(self, new_keyframes: Mapping[str, Trajectory], new_wireless: WirelessLog) -> FilterResult:

@@ -5,7 +5,16 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.drift import DriftModel
-from wiclosure.types import AoaPath, FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import (
+    AoaPath,
+    FloatArray,
+    FrameAlignment,
+    Heading,
+    IntArray,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.alignment import align
 from wiclosure.wiclosure_filter.alignment_odds import AlignmentOdds
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
@@ -56,7 +65,7 @@ def odds_of(
     settings = settings or AlignmentSettings()
     odometry = odometry_of(truth)
     alignment = align("alpha", "beta", odometry, log, settings)
-    return AlignmentOdds.of(alignment, odometry, log, settings, most_odds=1000.0), alignment
+    return AlignmentOdds.of(alignment, odometry, log, settings, most_odds=100.0), alignment
 
 
 def closures(truth: dict[str, Trajectory], shift_m: tuple[float, float]) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -79,7 +88,7 @@ def test_the_radio_objects_to_look_alike_places_and_not_to_the_true_one(count: i
     for shift_m in ((12.0, 0.0), (0.0, -12.0), (-9.0, 9.0)):
         T, covariance, index = closures(truth, shift_m)
         objections = odds.objections(T, covariance, index, index)
-        assert sum(bool(objection) for objection in objections) >= 0.9 * len(index)
+        assert sum(bool(objection) for objection in objections) >= 0.75 * len(index)
         assert all("contradicts the radio" in objection for objection in objections if objection)
 
 
@@ -92,10 +101,77 @@ def test_odds_are_those_of_the_likeliest_alignment() -> None:
     odometry, index = odometry_of(truth), np.arange(0, KEYFRAMES, 9)
     T = se3.inverse(odometry["alpha"].poses[index]) @ alignment.best.T_a_b @ odometry["beta"].poses[index]
     exact = np.tile(1e-12 * np.eye(6), (len(index), 1, 1))
-    np.testing.assert_allclose(odds.log_odds(T, exact, index, index), 0.0, atol=0.5)
+    assert odds.log_odds(T, exact, index, index).max() < np.log(3.0)
     T, covariance, index = closures(truth, (3.0, 0.0))
     sharp, vague = (odds.log_odds(T, scale * covariance, index, index) for scale in (1.0, 1e4))
     assert (vague < sharp).all()
+
+
+def drifted(truth: Trajectory, factor: float, rng: np.random.Generator) -> Trajectory:
+    """Odometry that errs as its drift model says, times a factor."""
+    steps = se3.between(truth.poses[:-1], truth.poses[1:])
+    metres, turn = np.linalg.norm(steps[:, :3, 3], axis=1), se3.rotation_angle(steps)
+    sigma = np.empty((len(steps), 6))
+    drift = truth.drift
+    sigma[:, :3] = np.sqrt(drift.rotation_walk**2 * metres + drift.rotation_walk_turning**2 * turn)[:, None]
+    sigma[:, 3:] = (drift.translation_walk * np.sqrt(metres))[:, None]
+    poses = [np.eye(4)]
+    for step in steps @ se3.exp(factor * sigma * rng.normal(size=sigma.shape)):
+        poses.append(poses[-1] @ step)
+    return Trajectory(truth.robot, truth.stamps_ns, np.array(poses), drift)
+
+
+@pytest.mark.parametrize(
+    ("count", "last_s", "across", "factor"),
+    [(20, 33, False, 1.0), (60, 33, False, 1.0), (60, 33, False, 2.0), (60, 100, True, 1.0), (200, 100, True, 1.0)],
+)
+def test_true_closures_stand_however_much_was_measured_before_the_odometry_drifted(
+    count: int, last_s: int, across: bool, factor: float
+) -> None:
+    """Drift since the radio was used is one error of all measurements; scored for each, it would refuse the truth."""
+    refused, found = [], []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        truth = {
+            robot: Trajectory(robot, t.stamps_ns, se3.from_rotation_translation(t.poses[:, :3, :3], 5 * t.positions))
+            for robot, t in team().items()
+        }
+        odometry = {robot: drifted(t, factor, rng) for robot, t in truth.items()}
+        log = heard(truth, 3 * count if last_s < KEYFRAMES else count, rng)
+        log = WirelessLog(tuple(m for m in log.measurements if m.stamp_ns < last_s * 10**9))
+        alignment = align("alpha", "beta", odometry, log, AlignmentSettings())
+        odds = AlignmentOdds.of(alignment, odometry, log, AlignmentSettings(), most_odds=100.0)
+        assert odds is not None
+        index_a = np.arange(67, KEYFRAMES, 3)
+        index_b = index_a - 60 if across else index_a
+        T_beta = truth["beta"].poses[index_b]
+        covariance = np.tile(CLOSE, (len(index_a), 1, 1))
+        noise = se3.exp(rng.normal(size=(len(index_a), 6)) * np.sqrt(np.diag(CLOSE)))
+        for shift_m, told in ((0.0, refused), (60.0, found)):
+            moved = T_beta.copy()
+            moved[:, 0, 3] += shift_m
+            T = se3.between(truth["alpha"].poses[index_a], moved) @ noise
+            told += [bool(objection) for objection in odds.objections(T, covariance, index_a, index_b)]
+    assert np.mean(refused) <= (0.02 if factor == 1 else 0.1)
+    assert np.mean(found) >= 0.9
+
+
+@pytest.mark.parametrize("compasses", [False, True])
+def test_an_inexact_closure_is_judged_by_what_it_allows(compasses: bool) -> None:
+    """A point-to-point registration turned by 3 degrees, and compasses from before the odometry turned as much."""
+    truth = team()
+    log = heard(truth, 30, np.random.default_rng(5))
+    if compasses:
+        headings = tuple(
+            Heading(k * 10**9, robot, float(se3.yaw(t.poses[k])), 0.03) for robot, t in truth.items() for k in (5, 10)
+        )
+        log = WirelessLog(log.measurements, headings)
+    odds, _ = odds_of(truth, log)
+    assert odds is not None
+    T, _, index = closures(truth, (0.0, 0.0))
+    T = T @ se3.from_yaw(0.05, np.zeros(3))
+    honest = np.tile(np.diag(np.repeat([0.05**2, 0.3**2], 3)), (len(T), 1, 1))
+    assert odds.objections(T, honest, index, index) == ("",) * len(T)
 
 
 def test_far_from_every_measurement_drift_leaves_nothing_to_object_to() -> None:
