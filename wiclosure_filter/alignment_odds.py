@@ -20,6 +20,10 @@ from wiclosure.wiclosure_filter.mixture import Mixture
 from wiclosure.wiclosure_filter.observations import Observations, drift_from, drift_since
 from wiclosure.wiclosure_filter.refinement import Prior, climb
 
+# No closure worth having is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
+# square radians, which would leave nothing to object to.
+_WORST_RAD, _WORST_M = 0.05, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class AlignmentOdds:
@@ -145,7 +149,7 @@ class AlignmentOdds:
         self, anchor: int, yaw_rad: float, covariance: FloatArray, lever_m: float, drift_m: float, drift_rad: float
     ) -> FloatArray:
         """Covariance `(4, 4)` of the state that a closure of covariance `(6, 6)` implies at the anchor."""
-        rotation, translation = np.split(np.diag(covariance), 2)
+        rotation, translation = np.minimum(np.split(np.diag(covariance), 2), np.square([[_WORST_RAD], [_WORST_M]]))
         yaw = rotation[2] + drift_rad**2
         spread = np.diag([yaw, *np.full(3, translation.max() + rotation.max() * lever_m**2 + drift_m**2)])
         # A state's place is that of the centre of b's antennas: a yaw error about the anchor moves it sideways.

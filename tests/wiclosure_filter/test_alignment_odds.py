@@ -172,6 +172,9 @@ def test_an_inexact_closure_is_judged_by_what_it_allows(compasses: bool) -> None
     T = T @ se3.from_yaw(0.05, np.zeros(3))
     honest = np.tile(np.diag(np.repeat([0.05**2, 0.3**2], 3)), (len(T), 1, 1))
     assert odds.objections(T, honest, index, index) == ("",) * len(T)
+    # As DiSCo-SLAM states it, one variance for metres and radians, which must not excuse a wrong place.
+    wrong, _, _ = closures(truth, (12.0, 0.0))
+    assert all(odds.objections(wrong, np.tile(np.eye(6), (len(T), 1, 1)), index, index))
 
 
 def test_far_from_every_measurement_drift_leaves_nothing_to_object_to() -> None:
