@@ -62,9 +62,9 @@ class RivalEstimates:
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`: by the likeliest alignment, and how far off the others are.
+        """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`, by the alignment under which each pair most probably overlaps.
 
-        If the pair does overlap, then an alignment is right in proportion to the probability that it gives to that.
+        The covariance covers how far off the others are.  If the pair does overlap, then an alignment is right in proportion to the probability that it gives to that.
         Odds between the alignments do not enter: they rest on the few measurements that could not decide.  Their mean
         would be a pose that none of them predicts, and a registration that starts there ends at neither.
         """
@@ -73,10 +73,10 @@ class RivalEstimates:
         weight = np.stack([self.overlap_probability(e, robot_a, index_a, robot_b, index_b) for e in self.estimates])
         weight = np.where(weight.sum(axis=0) > 0, weight, 1.0)
         weight /= weight.sum(axis=0)
-        T_likeliest = T[np.argmax(weight, axis=0), np.arange(len(index_a))]
-        off = se3.log(se3.between(np.broadcast_to(T_likeliest, T.shape), T))
+        T_probable = T[np.argmax(weight, axis=0), np.arange(len(index_a))]
+        off = se3.log(se3.between(np.broadcast_to(T_probable, T.shape), T))
         spread = np.einsum("hm,hmi,hmj->mij", weight, off, off)
-        return T_likeliest, np.einsum("hm,hmij->mij", weight, C) + spread
+        return T_probable, np.einsum("hm,hmij->mij", weight, C) + spread
 
     def overlap_probability(
         self, estimate: SharedEstimate, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
