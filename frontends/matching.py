@@ -30,6 +30,8 @@ _PAIRS_AT_ONCE = 1 << 18
 # may be wrong in it even for true pairs), position 10 m.
 _UNPREDICTED_COVARIANCE = np.diag(np.square([0.1, 0.1, 1.0, 10.0, 10.0, 1.0]))
 
+_ENOUGH = 10  # proposals that are not thinned further
+
 # Beyond some metres scan context no longer tells near from far, the prediction does: 10 m count as 0.1 of distance.
 _METRES_AS_UNLIKE_AS_CAN_BE = 100.0
 
@@ -96,8 +98,7 @@ def match(
     alike = np.flatnonzero(distance <= limit)
     cost = distance[alike] + _remoteness(pairs, near[alike])
     best = _best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)
-    width = settings.suppression_where_located if pairs.located else settings.suppression
-    spread = best[spread_out(a[alike[best]], b[alike[best]], cost[best], width, settings.budget)]
+    spread = best[_thinned(a[alike[best]], b[alike[best]], cost[best], settings, located=pairs.located)]
     rows = alike[spread]
     closures = _propose(pairs, near[rows], distance[rows], yaw[rows])
     return MatchResult(
@@ -109,6 +110,18 @@ def match(
         pairs_suppressed=len(best) - len(spread),
         seconds=time.perf_counter() - started,
     )
+
+
+def _thinned(
+    index_a: IntArray, index_b: IntArray, cost: FloatArray, settings: MatchingSettings, *, located: bool
+) -> IntArray:
+    """Rows of the pairs to propose; the few of a short meeting are thinned less, since they need each other."""
+    widths = range(settings.suppression_where_located, -1, -1) if located else (settings.suppression,)
+    for width in widths:
+        kept = spread_out(index_a, index_b, cost, width, settings.budget)
+        if len(kept) >= _ENOUGH:
+            break
+    return kept
 
 
 def spread_out(index_a: IntArray, index_b: IntArray, cost: FloatArray, width: int, budget: int | None) -> IntArray:

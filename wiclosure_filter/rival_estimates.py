@@ -64,9 +64,10 @@ class RivalEstimates:
     ) -> tuple[FloatArray, FloatArray]:
         """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`, by the alignment under which each pair most probably overlaps.
 
-        The covariance covers how far off the others are.  If the pair does overlap, then an alignment is right in proportion to the probability that it gives to that.
-        Odds between the alignments do not enter: they rest on the few measurements that could not decide.  Their mean
-        would be a pose that none of them predicts, and a registration that starts there ends at neither.
+        The covariance covers how far off the others are.  If the pair does overlap, then an alignment is right in
+        proportion to the probability that it gives to that.  Odds between the alignments do not enter: they rest on the
+        few measurements that could not decide.  Their mean would be a pose that none of them predicts, and a
+        registration that starts there ends at neither.
         """
         predicted = [e.relative_poses(robot_a, index_a, robot_b, index_b) for e in self.estimates]
         T, C = (np.stack(of_each) for of_each in zip(*predicted, strict=True))

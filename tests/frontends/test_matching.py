@@ -162,10 +162,12 @@ def test_one_place_gives_few_closures_when_told_so() -> None:
     assert (result.pairs_best, result.pairs_suppressed) == (12, 9)
 
 
-@pytest.mark.parametrize(("probability", "expected"), [(0.5, 3), (np.nan, 12)])
-def test_one_place_gives_few_closures_where_the_filter_tells_where_it_is(probability: float, expected: int) -> None:
-    """And all where the filter tells the headings only, or nothing."""
-    same, bare = descriptors(12, 0), all_pairs(12, 12)
+@pytest.mark.parametrize(("count", "probability", "expected"), [(60, 0.5, 15), (12, 0.5, 12), (60, np.nan, 60)])
+def test_one_place_gives_few_closures_where_the_filter_tells_where_it_is(
+    count: int, probability: float, expected: int
+) -> None:
+    """But all of a short meeting, and all where the filter tells the headings only, or nothing."""
+    same, bare = descriptors(count, 0), all_pairs(count, count)
     told = np.full(len(bare), probability)
     pairs = CandidatePairs("alpha", "beta", bare.index_a, bare.index_b, told, told, TenMetresApart())
     chosen = MatchingSettings(max_distance_with_prediction=0.05)
