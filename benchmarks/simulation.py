@@ -1,6 +1,6 @@
 """Is the simulation believable?  KISS-ICP's drift and scan context distances on it, beside those of recorded scans.
 
-    python benchmarks/simulation.py [--scans 1400] [--seed 0] [--picture FILE.png]
+    python benchmarks/simulation.py [--scans 1400] [--seed 0] [--points-per-voxel 10] [--picture FILE.png]
 
 Drift is KITTI's figure: the error of displacements over 100 to 800 m, percent of their length; where the drive is too
 short for that, the error at its end over the distance.  It takes minutes; `--scans 0` leaves it out.  What drift leaves
@@ -66,9 +66,9 @@ def described(points: FloatArray | Float32Array) -> Float32Array:
     return describe(points, ScanContextSettings())
 
 
-def followed(scenario: Scenario, robot: str, scans: int) -> tuple[FloatArray, FloatArray]:
+def followed(scenario: Scenario, robot: str, scans: int, settings: OdometrySettings) -> tuple[FloatArray, FloatArray]:
     """Truth and KISS-ICP's poses `(N, 4, 4)` of the first scans of that robot."""
-    odometry, source = KissOdometry(OdometrySettings()), scenario.scan_source(robot)
+    odometry, source = KissOdometry(settings), scenario.scan_source(robot)
     found = [odometry.register(source.scan(index))[:2] for index in range(min(scans, len(source)))]
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in found], np.int64)
     return scenario.ground_truth(robot).at(stamps_ns), np.array([pose for _, pose in found])
@@ -205,8 +205,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scans", type=int, default=1400, help="of each simulated robot, at most, for the drift")
     parser.add_argument("--seed", type=int, default=0)
+    default = OdometrySettings().points_per_voxel
+    parser.add_argument("--points-per-voxel", type=int, default=default, help="of KISS-ICP's map; its own are 20")
     parser.add_argument("--picture", type=Path, default=Path("simulation_scan_context.png"))
     wanted = parser.parse_args()
+    settings = OdometrySettings(points_per_voxel=wanted.points_per_voxel)
     kitti08 = make_scenario(
         "kitti08", ScenarioSettings(poses=DATA / "kitti_odometry" / "gt" / "08.txt", seed=wanted.seed)
     )
@@ -217,7 +220,7 @@ def main() -> None:
             print_drift(f"recorded KITTI {sequence}", lidar_poses("gt", sequence), lidar_poses("kiss_icp", sequence))
         for scenario in (kitti08, city, shell):
             for robot in ("alpha", "beta"):
-                print_drift(f"simulated {scenario.name} {robot}", *followed(scenario, robot, wanted.scans))
+                print_drift(f"simulated {scenario.name} {robot}", *followed(scenario, robot, wanted.scans, settings))
     count, joint_m, alone_m = recorded_team_error()
     print(f"recorded KITTI 08 in thirds, {count} nearly perfect closures: ATE {joint_m:.2f} m, alone {alone_m:.2f} m\n")
 

@@ -39,7 +39,7 @@ class OdometrySettings(Settings):
         10,
         ge=1,
         description="of the map that scans are registered to; KISS-ICP's own 20 takes a third longer and drifts as"
-        " much, in streets, halls and yards",
+        " much, in streets and halls",
     )
     num_threads: int = Field(
         1, ge=0, description="one is bit-reproducible, also over any -j; 0: all cores, quicker where they are free"
