@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,7 +51,16 @@ class OdometryRun:
         self._stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
         self._scans = self._sparse = self._late = self._outside = 0
-        self._seconds = 0.0
+        self._seconds = self._seconds_reading = 0.0
+
+    def process_all(self, scans: Iterable[Scan]) -> None:
+        """All scans in, one after the other; what waiting for them takes is added up apart."""
+        began = time.perf_counter()
+        for scan in scans:
+            self._seconds_reading += time.perf_counter() - began
+            self.process(scan)
+            began = time.perf_counter()
+        self._seconds_reading += time.perf_counter() - began
 
     def process(self, scan: Scan) -> bool:
         """Next scan in; whether it became a keyframe by the first settings.
@@ -82,7 +91,7 @@ class OdometryRun:
         stamps_ns, poses = np.array(self._stamps_ns, np.int64), np.array(self._poses)
         counts = FrontEndCounts(self._scans, self._sparse, self._late, self._outside)
         return tuple(
-            OdometryResult(stamps_ns, poses, kept.indices, kept.clouds, counts, self._seconds)
+            OdometryResult(stamps_ns, poses, kept.indices, kept.clouds, counts, self._seconds, self._seconds_reading)
             for kept in self._keyframes
         )
 

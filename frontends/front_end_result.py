@@ -43,7 +43,8 @@ class OdometryResult:
         keyframe_indices: `(K,)` which of them are keyframes.
         clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
         counts: scans in, scans left out.
-        seconds: wall time.
+        seconds: wall time of following the scans.
+        seconds_reading: wall time of waiting for them.
     """
 
     stamps_ns: IntArray
@@ -52,6 +53,7 @@ class OdometryResult:
     clouds: tuple[Float32Array, ...]
     counts: FrontEndCounts
     seconds: float
+    seconds_reading: float
 
     def save(self, path: Path) -> None:
         """Writes one `.npz` file: all clouds in one array, with offsets."""
@@ -64,6 +66,7 @@ class OdometryResult:
             offsets=np.cumsum([0, *(len(cloud) for cloud in self.clouds)]),
             counts=np.array(astuple(self.counts)),
             seconds=np.array(self.seconds),
+            seconds_reading=np.array(self.seconds_reading),
         )
 
     @classmethod
@@ -81,6 +84,7 @@ class OdometryResult:
                 clouds=tuple(np.split(content["points"], content["offsets"][1:-1])),
                 counts=FrontEndCounts(*content["counts"].tolist()),
                 seconds=float(content["seconds"]),
+                seconds_reading=float(content["seconds_reading"]),
             )
 
 
@@ -123,6 +127,7 @@ class FrontEndResult:
         clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
         descriptors: `(K, rings, sectors)` float32 scan contexts.
         counts: scans in, scans left out.
+        seconds_reading: wall time of waiting for the scans.
         seconds_odometry: wall time of odometry and clouds.
         seconds_descriptors: wall time of describing them.
     """
@@ -134,6 +139,7 @@ class FrontEndResult:
     clouds: tuple[Float32Array, ...]
     descriptors: Float32Array
     counts: FrontEndCounts
+    seconds_reading: float
     seconds_odometry: float
     seconds_descriptors: float
 
@@ -149,6 +155,7 @@ class FrontEndResult:
             clouds=went.clouds,
             descriptors=described.images,
             counts=went.counts,
+            seconds_reading=went.seconds_reading,
             seconds_odometry=went.seconds,
             seconds_descriptors=described.seconds,
         )

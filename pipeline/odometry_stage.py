@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import nullcontext
+from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from typing import TypeAlias
@@ -16,6 +18,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.inputs import RobotInput
 from wiclosure.pipeline.processes import require_wanted, side_by_side
 from wiclosure.pipeline.progress import Progress
+from wiclosure.pipeline.reading_ahead import read_ahead
 from wiclosure.types import Scan
 
 Shown: TypeAlias = Callable[[str, int], None]
@@ -39,7 +42,8 @@ def front_ends(
         robots: the recordings.
         config: settings.
         cache: results of earlier runs.
-        jobs: processes; each works on one robot at a time, and on one core. Results are the same for any number.
+        jobs: processes; each works on one robot at a time, and on one core.  Those beyond the number of robots read
+            ahead, for a robot each.  Results are the same for any number.
         progress: shows how far it is.
         also: configurations that will be asked for next; where only their keyframes differ, one odometry serves all,
             and the cache keeps what it gave.
@@ -47,11 +51,13 @@ def front_ends(
     Raises:
         InputError: a recording cannot be read, or has no usable scan.
     """
+    spare = max(0, jobs - len(robots))
+    work = [_Work(robot, (config, *also), cache, ahead=number < spare) for number, robot in enumerate(robots)]
     with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as shown:
         if jobs > 1 and len(robots) > 1:
-            done = _in_processes(robots, [config, *also], cache, min(jobs, len(robots)), shown)
+            done = _in_processes(work, min(jobs, len(robots)), shown)
         else:
-            done = [_front_end(robot, [config, *also], cache, shown) for robot in robots]
+            done = [one.front_end(shown) for one in work]
     reused = tuple(result.robot for result, from_cache in done if from_cache)
     return {result.robot: result for result, _ in done}, reused
 
@@ -73,83 +79,95 @@ def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
     return tuple(f"{robot.robot}: {sentence}" for sentence in sentences)
 
 
-def _in_processes(
-    robots: Sequence[RobotInput], configs: Sequence[Config], cache: StageCache, jobs: int, shown: Shown
-) -> list[tuple[FrontEndResult, bool]]:
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """One robot's front end.
+
+    Args:
+        robot: the recording.
+        configs: settings; the cache keeps what those after the first will need.
+        cache: results of earlier runs.
+        ahead: whether another process reads the scans.
+    """
+
+    robot: RobotInput
+    configs: Sequence[Config]
+    cache: StageCache
+    ahead: bool
+
+    def front_end(self, shown: Shown) -> tuple[FrontEndResult, bool]:
+        """The result, and whether its odometry was in the cache.
+
+        Each stage depends on what it uses, and on no other setting: another descriptor needs no new odometry.
+        """
+        config = self.configs[0]
+        odometry = _of_odometry(self.robot, config)
+        went, from_cache = self.cache.reuse(
+            "odometry",
+            odometry,
+            load=OdometryResult.load,
+            save=OdometryResult.save,
+            compute=lambda: self._odometry(shown),
+        )
+        described, _ = self.cache.reuse(
+            "descriptors",
+            [odometry, config.scan_context.model_dump()],
+            load=Descriptors.load,
+            save=Descriptors.save,
+            compute=lambda: describe_all(went.clouds, config.scan_context),
+        )
+        return FrontEndResult.of(self.robot.robot, config.drift, went, described), from_cache
+
+    def _odometry(self, shown: Shown) -> OdometryResult:
+        """By the first configuration; the cache takes what the others with the same odometry will need."""
+        config, robot = self.configs[0], self.robot
+        recorded = robot.odometry if config.odometry.source == "recorded" else None
+        others = [
+            c
+            for c in self.configs[1:]
+            if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
+        ]
+        run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
+        with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
+            run.process_all(_reported(scans, robot.robot, shown))
+        result, *further = run.results()
+        for other, found in zip(others, further, strict=True):
+            self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
+        return result
+
+
+def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
     """One robot a process."""
     reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
-    with side_by_side(_Worker.front_end, robots, jobs, begin=_Worker.begin, given=(configs, cache, reports)) as work:
-        waiting = set(work)
+    with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
+        waiting = set(futures)
         while waiting:
             done, waiting = wait(waiting, timeout=2 * _REPORT_S, return_when=FIRST_COMPLETED)
             while not reports.empty():
                 shown(*reports.get())
             for future in done:
                 future.result()  # whatever one robot lacks is said at once, not after the others are done
-        return [future.result() for future in work]
+        return [future.result() for future in futures]
 
 
 class _Worker:
     """What happens in another process; its reports go to the first one."""
 
-    configs: Sequence[Config]
-    cache: StageCache
     reports: SimpleQueue[tuple[str, int]]
 
     @classmethod
-    def begin(cls, configs: Sequence[Config], cache: StageCache, reports: SimpleQueue[tuple[str, int]]) -> None:
-        cls.configs, cls.cache, cls.reports = configs, cache, reports
+    def begin(cls, reports: SimpleQueue[tuple[str, int]]) -> None:
+        cls.reports = reports
 
     @classmethod
-    def front_end(cls, robot: RobotInput) -> tuple[FrontEndResult, bool]:
-        return _front_end(robot, cls.configs, cls.cache, lambda name, scans: cls.reports.put((name, scans)))
-
-
-def _front_end(
-    robot: RobotInput, configs: Sequence[Config], cache: StageCache, shown: Shown
-) -> tuple[FrontEndResult, bool]:
-    """Each stage depends on what it uses, and on no other setting: another descriptor needs no new odometry."""
-    config = configs[0]
-    odometry = _of_odometry(robot, config)
-    went, from_cache = cache.reuse(
-        "odometry",
-        odometry,
-        load=OdometryResult.load,
-        save=OdometryResult.save,
-        compute=lambda: _odometry(robot, configs, cache, shown),
-    )
-    described, _ = cache.reuse(
-        "descriptors",
-        [odometry, config.scan_context.model_dump()],
-        load=Descriptors.load,
-        save=Descriptors.save,
-        compute=lambda: describe_all(went.clouds, config.scan_context),
-    )
-    return FrontEndResult.of(robot.robot, config.drift, went, described), from_cache
+    def front_end(cls, work: _Work) -> tuple[FrontEndResult, bool]:
+        return work.front_end(lambda name, scans: cls.reports.put((name, scans)))
 
 
 def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
     """What the result of odometry depends on."""
     settings = config.odometry.model_dump(exclude={"num_threads"})
     return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
-
-
-def _odometry(robot: RobotInput, configs: Sequence[Config], cache: StageCache, shown: Shown) -> OdometryResult:
-    """By the first configuration; the cache takes what the others with the same odometry will need."""
-    config = configs[0]
-    recorded = robot.odometry if config.odometry.source == "recorded" else None
-    others = [
-        c
-        for c in configs[1:]
-        if cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
-    ]
-    run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
-    for scan in _reported(robot.scans, robot.robot, shown):
-        run.process(scan)
-    result, *further = run.results()
-    for other, found in zip(others, further, strict=True):
-        cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
-    return result
 
 
 def _reported(scans: Iterable[Scan], robot: str, shown: Shown) -> Iterator[Scan]:

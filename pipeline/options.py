@@ -108,7 +108,13 @@ class Working:
     """How the work is done and shown."""
 
     jobs: Annotated[
-        int, typer.Option("-j", "--jobs", min=1, help="processes: a robot each for odometry, then registrations")
+        int,
+        typer.Option(
+            "-j",
+            "--jobs",
+            min=1,
+            help="processes: a robot each for odometry, more than robots also read ahead; then registrations",
+        ),
     ] = 1
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage anew, and keep none")] = False
     quiet: Quiet = False

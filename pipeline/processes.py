@@ -37,20 +37,27 @@ def side_by_side(
     # Forked processes would inherit locks that other libraries' threads hold.
     fresh = get_context("spawn")
     unwanted = fresh.Event()
-    # Ctrl-C reaches workers too, even while they still import: they inherit that it is none of their business.
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
     try:
-        futures = [pool.submit(work, item) for item in items]
-        signal.signal(signal.SIGINT, handler)
+        with interrupts_ignored():
+            futures = [pool.submit(work, item) for item in items]
         yield futures
     except BaseException:
         # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
         unwanted.set()
         raise
     finally:
-        signal.signal(signal.SIGINT, handler)
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def interrupts_ignored() -> Iterator[None]:
+    """For starting processes: Ctrl-C reaches them too, even while they import, and is none of their business."""
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def require_wanted() -> None:

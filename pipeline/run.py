@@ -160,6 +160,7 @@ def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetr
 def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:
     """Seconds of every stage in order, and their sum."""
     seconds = {
+        "reading": sum(f.seconds_reading for f in fronts),
         "odometry": sum(f.seconds_odometry for f in fronts),
         "descriptors": sum(f.seconds_descriptors for f in fronts),
         **solving,

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -112,6 +113,20 @@ def test_one_odometry_serves_configurations_of_which_only_keyframes_differ(tmp_p
     assert front_ends([robot(SCANS)], other, cache=cache, jobs=1, progress=NoProgress())[1] == ()
 
 
+def test_waiting_for_scans_is_told_from_following_them() -> None:
+    class Slow(Listed):
+        def __iter__(self) -> Iterator[Scan]:
+            for scan in super().__iter__():
+                time.sleep(0.1)
+                yield scan
+
+    source = RobotInput("alpha", Slow(SCANS, len(SCANS)), "alpha", None)
+    began = time.perf_counter()
+    fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    elapsed_s = time.perf_counter() - began
+    assert 0.1 * len(SCANS) <= fronts["alpha"].seconds_reading <= elapsed_s - fronts["alpha"].seconds_odometry
+
+
 def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -> None:
     for walk in (0.05, 0.5):
         config = Config.model_validate({"drift": {"translation_walk": walk}})
@@ -119,14 +134,16 @@ def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -
         assert fronts["alpha"].keyframes.drift.translation_walk == walk
 
 
-def test_processes_give_the_same_result(tmp_path: Path) -> None:
+@pytest.mark.parametrize("jobs", [2, 3])
+def test_processes_give_the_same_result(tmp_path: Path, jobs: int) -> None:
+    """With three for two robots, one of them reads ahead."""
     data = []
     for name in ("alpha", "beta"):
         write_kitti_folder(tmp_path / name, SCANS)
         data.append(f"{name}={tmp_path / name}")
     robots = open_inputs(data).robots
     alone, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
-    together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=2, progress=NoProgress())
+    together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=jobs, progress=NoProgress())
     for name, front in alone.items():
         np.testing.assert_array_equal(together[name].odometry.poses, front.odometry.poses)
         np.testing.assert_array_equal(together[name].descriptors, front.descriptors)
