@@ -52,7 +52,8 @@ class Findings:
 
     Args:
         filtered: what the candidate filter kept.
-        verified: every proposed closure as registration, and the filter's check of its pose, left it.
+        registered: every proposed closure as registration left it.
+        verified: the same closures as the filter's check of their poses left them.
         consistent: the same closures as PCM left them.
         closures: the same closures as the graph left them.
         components: robots that accepted closures connect.
@@ -62,6 +63,7 @@ class Findings:
     """
 
     filtered: FilterResult
+    registered: Sequence[Closure]
     verified: Sequence[Closure]
     consistent: Sequence[Closure]
     closures: Sequence[Closure]
@@ -113,6 +115,7 @@ def evaluate(
         "funnel": funnel(
             candidates,
             found.filtered,
+            registered=found.registered,
             verified=found.verified,
             consistent=found.consistent,
             final=found.closures,

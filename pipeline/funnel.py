@@ -12,13 +12,14 @@ from wiclosure.pipeline.closure_quality import PASSED, ClosureJudge
 from wiclosure.pipeline.metrics import CandidateMetrics, StageCount
 from wiclosure.types import Closure, Decision, FilterResult, Trajectory
 
-STAGES = ("pairs", "kept", "scan context", "registered", "PCM", "graph")
+STAGES = ("pairs", "kept", "scan context", "registered", "radio", "PCM", "graph")
 
 
 def funnel(
     candidates: CandidateMetrics,
     filtered: FilterResult,
     *,
+    registered: Sequence[Closure],
     verified: Sequence[Closure],
     consistent: Sequence[Closure],
     final: Sequence[Closure],
@@ -30,14 +31,16 @@ def funnel(
     Args:
         candidates: kept pairs against those within the overlap radius.
         filtered: what the filter left.
-        verified: every proposed closure as registration left it.
+        registered: every proposed closure as registration left it.
+        verified: the same as the filter's check of their poses left them.
         consistent: the same as PCM left them.
         final: the same as the graph left them.
         truth: ground truth by robot; positions suffice.
         judge: tells which measured closures are true.
     """
-    near = judge.near(verified, truth, candidates["radius_m"])
+    near = judge.near(registered, truth, candidates["radius_m"])
     measured = (
+        [c for c in registered if c.decision in PASSED],
         [c for c in verified if c.decision in PASSED],
         [c for c in consistent if c.decision in PASSED],
         [c for c in final if c.decision is Decision.ACCEPTED],
@@ -45,7 +48,7 @@ def funnel(
     rows = [
         (filtered.pairs_total, candidates["true"], candidates["false"]),
         (filtered.pairs_kept, candidates["kept_true"], candidates["kept_false"]),
-        (len(verified), *near),
+        (len(registered), *near),
         *((len(closures), *judge.count(closures)) for closures in measured),
     ]
     return [

@@ -126,6 +126,7 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     mapping_s = time.perf_counter() - began
     found = Findings(
         filtered=solution.filtered,
+        registered=solution.registered,
         verified=solution.verified,
         consistent=solution.consistent,
         closures=solution.closures,

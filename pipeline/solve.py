@@ -37,7 +37,8 @@ class Solution:
         filtered: pairs kept by the filter, alignments, its diagnosis.
         matched: what scan context proposed of them, one entry a robot pair.
         closures: every proposed closure with its final decision and reason.
-        verified: the same closures as the registration left them, and what the filter says of their measured poses.
+        registered: the same closures as the registration left them.
+        verified: the same as what the filter says of their measured poses left them.
         consistent: the same closures as PCM left them.
         graph: trajectories in one world frame.
         seconds: time a stage, as if nothing had been computed before; of registrations side by side, their sum.
@@ -49,6 +50,7 @@ class Solution:
     filtered: FilterResult
     matched: tuple[MatchResult, ...]
     closures: tuple[Closure, ...]
+    registered: tuple[Closure, ...]
     verified: tuple[Closure, ...]
     consistent: tuple[Closure, ...]
     graph: GraphResult
@@ -113,6 +115,7 @@ def solve(
         seconds=seconds,
         seconds_spent=seconds | {"verification": verification_spent_s},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
+        registered=tuple(registered),
         verified=tuple(verified),
         consistent=tuple(consistent.closures),
         diagnosis=(

@@ -119,6 +119,7 @@ def figures(truth: dict[str, Trajectory]):
     ]
     found = Findings(
         filtered=FilterResult("none", (), 0),
+        registered=closures,
         verified=closures,
         consistent=closures,
         closures=closures,

@@ -29,7 +29,7 @@ def share_of(path, colour):
 
 def comparison(presets, filters, seeds, ate_m=0.5, false=3):
     plan = Plan(dict.fromkeys(presets, Config()), filters, ())
-    counts = [10**6, 10**4, 200, 60, 20, 20]
+    counts = [10**6, 10**4, 200, 60, 40, 20, 20]
     known = false is not None
     funnel = [
         {"stage": stage, "count": n, "true": n // 2 if known else None, "false": n // 3 * false if known else None}

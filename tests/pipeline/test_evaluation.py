@@ -200,6 +200,7 @@ class TestWholeEvaluation:
         )
         found = Findings(
             filtered=filtered,
+            registered=[replace(c, decision=Decision.VERIFIED) for c in final],
             verified=[replace(c, decision=Decision.VERIFIED) for c in final],
             consistent=[replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
             closures=final,
@@ -246,9 +247,17 @@ class TestWholeEvaluation:
         found = metrics["candidates"]
         assert counts["pairs"] == (19200, found["true"], 19200 - found["true"])
         assert counts["kept"] == (240, found["kept_true"], found["kept_false"])
-        assert counts["registered"] == (4, 3, 1)
+        assert counts["registered"] == counts["radio"] == (4, 3, 1)
         assert counts["PCM"] == (3, 2, 1)
         assert counts["graph"] == (3, 2, 1)
+
+    def test_what_the_radio_refuses_is_lost_between_registration_and_pcm(self):
+        registered = [self.closure(3, 4, 0), self.closure(9, 9, 20.0)]
+        refused = [registered[0], replace(registered[1], decision=Decision.REJECTED)]
+        metrics = self.run(registered=registered, verified=refused, consistent=refused, closures=refused)
+        counts = {stage["stage"]: (stage["true"], stage["false"]) for stage in metrics["funnel"]}
+        assert counts["registered"] == (1, 1)
+        assert counts["radio"] == counts["PCM"] == counts["graph"] == (1, 0)
 
     def test_odometry_without_drift_has_no_error_of_its_own(self):
         assert self.run()["ate_odometry_m"]["team"] == pytest.approx(0.0, abs=1e-9)
