@@ -13,6 +13,8 @@ from wiclosure.simulation.names import lookup
 from wiclosure.simulation.scene import Scene
 from wiclosure.types import Float32Array, FloatArray, IntArray, Scan
 
+_GREATEST_ELEVATION_ERROR_DEG = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class LidarModel:
@@ -62,6 +64,11 @@ class LidarModel:
         if not 0 <= self.min_range_m < self.max_range_m:
             raise ConfigError(
                 f"lidar range is cut to {self.min_range_m}..{self.max_range_m} m; the end must lie beyond the start"
+            )
+        if not abs(self.elevation_error_deg) <= _GREATEST_ELEVATION_ERROR_DEG:
+            raise ConfigError(
+                f"lidar {self.name}: all beams look {self.elevation_error_deg} degrees higher than they say; at most"
+                f" {_GREATEST_ELEVATION_ERROR_DEG:g} either way are an error"
             )
         if not self.rate_hz > 0:
             raise ConfigError(f"lidar rate is {self.rate_hz} Hz; it must be > 0")

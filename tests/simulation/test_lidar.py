@@ -98,6 +98,19 @@ def test_calibration_errors_stay_from_scan_to_scan(room: Scene) -> None:
     assert np.abs(scans[0].points - scan_of(PERFECT, room, pose).points).max() > 0.05
 
 
+def test_beams_that_look_higher_than_they_say_bend_the_ground_until_raised(room: Scene) -> None:
+    error_deg = 0.5
+    seen = scan_of(replace(PERFECT, elevation_error_deg=error_deg), room, standing()).points
+    ground = np.linalg.norm(seen[:, :2], axis=1) < 7.5
+    assert np.abs(seen[ground, 2] + 1.5).max() > 0.05
+    range_m = np.linalg.norm(seen, axis=1)
+    azimuth, elevation = np.arctan2(seen[:, 1], seen[:, 0]), np.arcsin(seen[:, 2] / range_m)
+    raised = elevation + np.radians(error_deg)
+    directions = np.stack([np.cos(azimuth) * np.cos(raised), np.sin(azimuth) * np.cos(raised), np.sin(raised)], axis=1)
+    points = range_m[:, None] * directions
+    assert np.abs(points[ground, 2] + 1.5).max() < 1e-3
+
+
 def test_far_ground_at_a_flat_angle_is_not_seen_but_a_wall_there_is() -> None:
     builder = SceneBuilder(flat(200.0))
     builder.stand(box(1, 30, 8), 61, 0)
@@ -137,7 +150,15 @@ def test_every_lidar_has_its_beams() -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"range_sigma_m": -0.1}, {"dropout": 1.0}, {"max_range_m": 0.2}, {"rate_hz": 0.0}, {"beam_sigma_m": -1.0}],
+    [
+        {"range_sigma_m": -0.1},
+        {"dropout": 1.0},
+        {"max_range_m": 0.2},
+        {"rate_hz": 0.0},
+        {"beam_sigma_m": -1.0},
+        {"elevation_error_deg": 60.0},
+        {"elevation_error_deg": float("nan")},
+    ],
 )
 def test_impossible_lidars_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match="lidar"):
