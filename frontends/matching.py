@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,7 +46,6 @@ class MatchResult:
         pairs_alike: compared pairs under the distance threshold.
         pairs_best: of them, the best of each keyframe.
         pairs_suppressed: of these, left out beside a better one of the same place.
-        seconds: wall time.
     """
 
     closures: tuple[Closure, ...]
@@ -56,7 +54,6 @@ class MatchResult:
     pairs_alike: int
     pairs_best: int
     pairs_suppressed: int
-    seconds: float
 
 
 def match(
@@ -84,7 +81,6 @@ def match(
     Raises:
         InputError: the descriptors differ in shape, or a pair has none.
     """
-    started = time.perf_counter()
     _check(pairs, descriptors_a, descriptors_b)
     near = _nearest_by_ring_key(pairs, descriptors_a, descriptors_b, settings)
     a, b = pairs.index_a[near], pairs.index_b[near]
@@ -108,7 +104,6 @@ def match(
         pairs_alike=len(alike),
         pairs_best=len(best),
         pairs_suppressed=len(best) - len(spread),
-        seconds=time.perf_counter() - started,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -22,6 +21,7 @@ from wiclosure.pipeline.odometry_stage import front_ends, left_out
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.registration_store import RegistrationStore
 from wiclosure.pipeline.solve import Solution, solve
+from wiclosure.pipeline.stopwatch import Stopwatch
 from wiclosure.pipeline.verification import Known, Verification
 from wiclosure.types import KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
@@ -121,9 +121,9 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
         robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()
     }
-    began = time.perf_counter()
-    merged_map = _map(fronts, solution, config)
-    mapping_s = time.perf_counter() - began
+    took = Stopwatch()
+    with took.time("mapping"):
+        merged_map = _map(fronts, solution, config)
     found = Findings(
         filtered=solution.filtered,
         registered=solution.registered,
@@ -139,7 +139,7 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
         found,
         inputs.ground_truth,
         config.evaluation,
-        costs=_costs(prepared, solution, mapping_s),
+        costs=_costs(prepared, solution, took["mapping"]),
         diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
     )
     for sentence in metrics["diagnosis"]:

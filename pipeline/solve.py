@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.closure_checks import unless_filter_objects
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.progress import Progress
+from wiclosure.pipeline.stopwatch import Stopwatch
 from wiclosure.pipeline.verification import Verification
 from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, KeyframeId, WirelessLog
 
@@ -75,37 +75,23 @@ def solve(
     filtered = candidate_filter.candidates(keyframes, wireless)
     own = [revisits(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
     candidates = (*filtered.pairs, *own)
-    shifted = {
-        robot: describe_shifted(front.clouds, config.scan_context, config.matching.lateral_shift_m)
-        for robot, front in fronts.items()
-    }
-    matched = tuple(
-        match(
-            pairs,
-            fronts[pairs.robot_a].descriptors,
-            fronts[pairs.robot_b].descriptors,
-            config.matching,
-            shifted[pairs.robot_a],
-        )
-        for pairs in candidates
-    )
-    began = time.perf_counter()
-    registered, verification_s = _verify(candidates, matched, verification, progress)
-    verification_spent_s = time.perf_counter() - began
-    began = time.perf_counter()
-    verified = unless_filter_objects(registered, filtered)
-    check_s = time.perf_counter() - began
-    began = time.perf_counter()
-    consistent = pairwise_consistent(verified, keyframes, config.pcm)
-    graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
-    optimisation_s = time.perf_counter() - began
+    took = Stopwatch()
+    with took.time("matching"):
+        matched = _match(candidates, fronts, config)
+    with took.time("verification"):
+        registered, uncached_verification_s = _verify(candidates, matched, verification, progress)
+    with took.time("check"):
+        verified = unless_filter_objects(registered, filtered)
+    with took.time("optimisation"):
+        consistent = pairwise_consistent(verified, keyframes, config.pcm)
+        graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
 
     closures = graph.closures
     seconds = {
-        "filter": filtered.seconds + check_s,
-        "matching": sum(m.seconds for m in matched),
-        "verification": verification_s,
-        "optimisation": optimisation_s,
+        "filter": filtered.seconds + took["check"],
+        "matching": took["matching"],
+        "verification": uncached_verification_s,
+        "optimisation": took["optimisation"],
     }
     return Solution(
         filtered=filtered,
@@ -113,7 +99,7 @@ def solve(
         closures=closures,
         graph=graph,
         seconds=seconds,
-        seconds_spent=seconds | {"verification": verification_spent_s},
+        seconds_spent=seconds | {"verification": took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         registered=tuple(registered),
         verified=tuple(verified),
@@ -124,6 +110,26 @@ def solve(
             *consistent.diagnosis,
             *graph.diagnosis,
         ),
+    )
+
+
+def _match(
+    candidates: Sequence[CandidatePairs], fronts: Mapping[str, FrontEndResult], config: Config
+) -> tuple[MatchResult, ...]:
+    """Proposes the candidates that look alike."""
+    shifted = {
+        robot: describe_shifted(front.clouds, config.scan_context, config.matching.lateral_shift_m)
+        for robot, front in fronts.items()
+    }
+    return tuple(
+        match(
+            pairs,
+            fronts[pairs.robot_a].descriptors,
+            fronts[pairs.robot_b].descriptors,
+            config.matching,
+            shifted[pairs.robot_a],
+        )
+        for pairs in candidates
     )
 
 
