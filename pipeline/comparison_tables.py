@@ -32,6 +32,7 @@ ON_TERMINAL = ("ate_m", "accepted_true", "accepted_false", "missed_percent", "cl
 Cell = str | float | None
 COLUMNS: dict[str, Callable[[Metrics, Metrics], Cell]] = {
     "ate_m": lambda m, _: m["ate_m"]["team"],
+    "ate_horizontal_m": lambda m, _: m["ate_horizontal_m"]["team"],
     "ate_odometry_m": lambda m, _: m["ate_odometry_m"]["team"],
     "connected_robots": lambda m, _: len(m["components"][0]["robots"]),
     "precision": lambda m, _: m["candidates"]["precision"],

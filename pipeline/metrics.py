@@ -77,10 +77,12 @@ class TrajectoryMetrics(TypedDict):
     """What can be said of merged trajectories alone.
 
     `ate_m` holds `team`, which is None unless all robots with ground truth are connected, and one value a robot under
-    the alignment of its component; `ate_own_m` has each robot aligned on its own, which hides errors between robots.
+    the alignment of its component; `ate_horizontal_m` the same without heights, which odometry without gravity holds
+    worst; `ate_own_m` has each robot aligned on its own, which hides errors between robots.
     """
 
     ate_m: dict[str, float | None]
+    ate_horizontal_m: dict[str, float | None]
     ate_own_m: dict[str, float | None]
     components: list[ComponentMetrics]
     rpe: dict[str, RelativeErrorMetrics]

@@ -87,8 +87,9 @@ def _two_columns(title: str) -> Table:
 
 
 def _add_errors(table: Table, metrics: TrajectoryMetrics) -> None:
-    team = metrics["ate_m"]["team"]
-    table.add_row("team ATE", UNKNOWN if team is None else f"[bold]{team:.3f} m[/bold] (one alignment for all robots)")
+    team, horizontal = metrics["ate_m"]["team"], _metres(metrics["ate_horizontal_m"]["team"])
+    explained = f"[bold]{_metres(team)}[/bold], {horizontal} without heights (one alignment for all robots)"
+    table.add_row("team ATE", UNKNOWN if team is None else explained)
     for robot, own in metrics["ate_own_m"].items():
         together = _metres(metrics["ate_m"][robot])
         table.add_row(escape(f"  {robot}"), f"{together} with the team, {_metres(own)} aligned on its own")

@@ -71,26 +71,24 @@ def best_rotation(correlation: FloatArray) -> FloatArray:
     return np.asarray(U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt)
 
 
-def position_errors(estimate: FloatArray, truth: FloatArray, T_truth_estimate: FloatArray) -> FloatArray:
-    """Distances `(N,)` between the positions of aligned estimate and truth."""
-    aligned = estimate[:, :3, 3] @ T_truth_estimate[:3, :3].T + T_truth_estimate[:3, 3]
-    return np.asarray(np.linalg.norm(aligned - truth[:, :3, 3], axis=1))
-
-
 def rms(errors: FloatArray) -> float | None:
-    """Root mean square; None of nothing."""
-    return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else None
+    """Root mean square of errors `(N,)`, or of the lengths of error vectors `(N, D)`; None of nothing."""
+    return float(np.sqrt(np.sum(np.square(errors)) / len(errors))) if len(errors) else None
 
 
 def joint_errors(robots: Sequence[Matched]) -> dict[str, FloatArray]:
-    """Position errors of each robot under *one* alignment of all, so that errors between robots show."""
+    """Position errors `(N, 3)` of each robot under *one* alignment of all, so that errors between robots show.
+
+    In the axes of the estimates' world, in which z is up as the first robot's LiDAR first saw it, whatever the axes of
+    ground truth are.
+    """
     robots = [robot for robot in robots if len(robot)]
     if not robots:
         return {}
     estimate = np.concatenate([robot.estimate for robot in robots])
     truth = np.concatenate([robot.truth for robot in robots])
-    T = rigid_alignment(estimate[:, :3, 3], truth[:, :3, 3])
-    return {robot.robot: position_errors(robot.estimate, robot.truth, T) for robot in robots}
+    T_estimate_truth = rigid_alignment(truth[:, :3, 3], estimate[:, :3, 3])
+    return {r.robot: r.estimate[:, :3, 3] - se3.transform(T_estimate_truth, r.truth[:, :3, 3]) for r in robots}
 
 
 def inter_robot_error(a: Matched, b: Matched) -> tuple[float, float] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,8 +48,10 @@ def trajectory_metrics(
     ]
     judged = [part for part in parts if part["ate_m"] is not None]
     return {
-        "ate_m": {"team": judged[0]["ate_m"] if len(judged) == 1 else None}
-        | {robot: rms(errors[robot]) if robot in errors else None for robot in robots},
+        "ate_m": _by_team_and_robot(robots, errors, connected=len(judged) == 1),
+        "ate_horizontal_m": _by_team_and_robot(
+            robots, {robot: error[:, :2] for robot, error in errors.items()}, connected=len(judged) == 1
+        ),
         "ate_own_m": {name: _rms_of_all(joint_errors([robot])) for name, robot in robots.items()},
         "components": parts,
         "rpe": {name: relative_errors(robot, rpe_distance_m) for name, robot in robots.items() if len(robot)},
@@ -63,7 +65,7 @@ def odometry_errors(
 ) -> dict[str, float | None]:
     """RMS error (m) of each robot's odometry aligned on its own, and of all robots so aligned as `team`."""
     own = {
-        name: joint_errors([robot]).get(name, np.zeros(0))
+        name: joint_errors([robot]).get(name, np.zeros((0, 3)))
         for name, robot in _all_matched(odometry, oriented, gap_s).items()
     }
     return {"team": rms(np.concatenate(list(own.values())))} | {name: rms(errors) for name, errors in own.items()}
@@ -79,6 +81,13 @@ def _all_matched(trajectories: Mapping[str, Trajectory], oriented: OrientedTruth
 
 def _rms_of_all(errors: Mapping[str, FloatArray]) -> float | None:
     return rms(np.concatenate(list(errors.values()))) if errors else None
+
+
+def _by_team_and_robot(
+    robots: Iterable[str], errors: Mapping[str, FloatArray], *, connected: bool
+) -> dict[str, float | None]:
+    team = {"team": _rms_of_all(errors) if connected else None}
+    return team | {robot: rms(errors[robot]) if robot in errors else None for robot in robots}
 
 
 def _between_robots(

@@ -129,6 +129,7 @@ def metrics(ate_m: float | None, seconds: float, false: int = 0) -> dict:
     found = {"precision": 0.5, "recall": 0.9, "false_rejected": 0.75, "pruned": 0.7}
     return {
         "ate_m": {"team": ate_m},
+        "ate_horizontal_m": {"team": ate_m},
         "ate_odometry_m": {"team": 0.25},
         "components": [{"robots": ["alpha", "beta"], "ate_m": ate_m}],
         "candidates": found,

@@ -69,7 +69,7 @@ def test_alignment_undoes_any_rigid_motion(seed):
     truth, T = path(seed), turned(seed)
     np.testing.assert_allclose(rigid_alignment(truth.positions, truth.moved(T).positions), T, atol=1e-8)
     error = joint_errors([Matched("alpha", truth.moved(T).poses, truth.poses)])["alpha"]
-    assert error.max() < 1e-9
+    assert np.abs(error).max() < 1e-9
 
 
 @settings(max_examples=5, deadline=None)
@@ -239,6 +239,17 @@ class TestWholeEvaluation:
             "alignment", "seconds", "bytes_exchanged", "peak_rss_mb", "diagnosis",
         } <= set(metrics)  # fmt: skip
         assert {"radius_m", "true", "kept_true", "precision", "recall", "pruned"} <= set(metrics["candidates"])
+
+    def test_heights_count_in_one_error_and_not_in_the_other(self):
+        merged = {}
+        for robot, trajectory in TRUTH.items():
+            poses = trajectory.poses.copy()
+            poses[:, 2, 3] += 0.5 * (-1.0) ** np.arange(len(poses))
+            merged[robot] = Trajectory(robot, trajectory.stamps_ns, poses)
+        metrics = self.run(truth={r: t.moved(turned(4)) for r, t in TRUTH.items()}, merged=merged)
+        assert metrics["ate_m"] == {r: pytest.approx(0.5, rel=0.02) for r in ("team", *TRUTH)}
+        assert all(error < 0.05 for error in metrics["ate_horizontal_m"].values())
+        assert self.run(truth={})["ate_horizontal_m"] == dict.fromkeys(("team", *TRUTH))
 
     def test_the_funnel_counts_what_is_left_of_true_and_false(self):
         metrics = self.run()

@@ -31,6 +31,7 @@ def metrics_of(name, *, ate, kept, truth=True):
             "accepted_true": known(8), "accepted_false": known(0),
         },
         "ate_m": {"team": ate, "alpha": known(0.25), "beta [2]": known(0.5)},
+        "ate_horizontal_m": {"team": ate, "alpha": known(0.25), "beta [2]": known(0.5)},
         "ate_own_m": {"alpha": known(0.125), "beta [2]": known(0.25)},
         "components": [{"robots": ["alpha", "beta [2]"], "ate_m": ate}],
         "rpe": {},
