@@ -16,7 +16,7 @@ from wiclosure.frontends.measurement import Measurement
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import Closure, Decision, Float32Array, Prior
+from wiclosure.types import Closure, Decision, Float32Array, Prior, worth_having
 
 _ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
 
@@ -90,6 +90,7 @@ class Registration:
                 closure.evidence,
                 inliers=measured.inliers,
                 inlier_ratio=measured.inlier_ratio,
+                agreement=measured.agreement,
                 rms_m=measured.rms_m,
                 prior_chi2=chi2,
             ),
@@ -143,4 +144,4 @@ def _chi2(measured: Measurement, prior: Prior | None) -> float:
         return float("nan")
     T_predicted, covariance = prior
     error = se3.log(se3.between(T_predicted, measured.T_query_match))
-    return float(error @ np.linalg.solve(covariance + measured.covariance, error))
+    return float(error @ np.linalg.solve(covariance + worth_having(measured.covariance), error))

@@ -13,6 +13,7 @@ import logging
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -29,7 +30,7 @@ Value = TypeVar("Value")
 
 _ENTRY = re.compile(r"[a-z-]+-[0-9a-f]{24}")
 
-_FRONT_END_CODE = ("wiclosure", "wiclosure.frontends", "wiclosure.pipeline.sources")
+_FRONT_END_CODE = ("wiclosure", "wiclosure.formats", "wiclosure.frontends", "wiclosure.pipeline.sources")
 """What turns recordings into front end results."""
 
 
@@ -108,11 +109,13 @@ class StageCache:
             return None
         try:
             value = load(entry)
-            os.utime(entry)
         except Exception as error:  # whatever is wrong with a cached file: compute it again
             logger.warning("cached %s cannot be read (%s); it is computed again", entry, error)
-            entry.unlink(missing_ok=True)
+            with suppress(OSError):  # a cache that others filled may be read-only
+                entry.unlink(missing_ok=True)
             return None
+        with suppress(OSError):
+            os.utime(entry)
         logger.info("%s: taken from the cache", stage)
         return value
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
+from threading import Thread
 from typing import TypeVar
+
+from wiclosure.errors import ProcessError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -42,12 +47,17 @@ def side_by_side(
         with interrupts_ignored():
             futures = [pool.submit(work, item) for item in items]
         yield futures
-    except BaseException:
+    except BaseException as error:
         # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
         unwanted.set()
+        if isinstance(error, BrokenProcessPool):
+            raise ProcessError(
+                "a process at work was killed; where memory is short, work with fewer at a time (-j)"
+            ) from None
         raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        with interrupts_ignored():  # impatience would leave workers behind
+            pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -64,12 +74,9 @@ def require_wanted() -> None:
     """To be called now and then in long work: ends it when nobody waits for its result any more.
 
     Raises:
-        InterruptedError: this is a worker, and the process that began it was interrupted or is gone.
+        InterruptedError: this is a worker, and the process that began it was interrupted.
     """
-    if _Worker.unwanted is None:
-        return
-    parent = parent_process()
-    if _Worker.unwanted.is_set() or parent is None or not parent.is_alive():
+    if _Worker.unwanted is not None and _Worker.unwanted.is_set():
         raise InterruptedError("nobody waits for this work any more")
 
 
@@ -81,4 +88,12 @@ class _Worker:
     @classmethod
     def begin(cls, unwanted: Event, begin: Callable[..., None], given: tuple[object, ...]) -> None:
         cls.unwanted = unwanted
+        Thread(target=cls._follow_parent, daemon=True).start()
         begin(*given)
+
+    @staticmethod
+    def _follow_parent() -> None:
+        """Ends this worker when the process that began it is killed: between two works it would wait for ever."""
+        if (parent := parent_process()) is not None:
+            parent.join()
+            os._exit(1)

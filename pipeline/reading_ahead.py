@@ -8,9 +8,10 @@ from __future__ import annotations
 import pickle
 import socket
 import struct
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from wiclosure.pipeline.processes import interrupts_ignored
 from wiclosure.types import Scan
 
 _LENGTH = struct.Struct("<Q")
+_GONE = (EOFError, BrokenPipeError, ConnectionResetError)  # the process at the other end is
 
 
 @contextmanager
@@ -35,49 +37,46 @@ def read_ahead(source: ScanSource) -> Iterator[Iterator[Scan]]:
     with here:
         with there:
             # Ends by itself when this end of the socket is closed, even if this process is killed.
-            reader = get_context("spawn").Process(target=_read, args=(source, there), daemon=True)
+            reader = get_context("spawn").Process(target=_read, args=(there,), daemon=True)
             with interrupts_ignored():
                 reader.start()
         try:
-            yield _arriving(here, source.description)
+            yield _arriving(here, source)
         finally:
             reader.terminate()
             reader.join()
 
 
-def _arriving(here: socket.socket, description: str) -> Iterator[Scan]:
-    while True:
-        try:
+def _arriving(here: socket.socket, source: ScanSource) -> Iterator[Scan]:
+    try:
+        # Not as an argument of the process: to one that dies while it starts, Python would write for ever.
+        _send(here, source)
+        while True:
             item = _receive(here)
-        except EOFError:
-            raise InputError(f"{description}: the process that read it died; is there enough memory?") from None
-        if item is None:
-            return
-        if isinstance(item, Exception):
-            raise item
-        yield item
+            if item is None:
+                return
+            if isinstance(item, Exception):
+                raise item
+            yield item
+    except _GONE:
+        raise InputError(f"{source.description}: the process that read it died; is there enough memory?") from None
 
 
-def _read(source: ScanSource, there: socket.socket) -> None:
-    """What the process does: scans, then None, or an exception."""
-    try:
-        _send_all(source, there)
-    except (BrokenPipeError, ConnectionResetError):
-        return  # nobody waits for them any more
+def _read(there: socket.socket) -> None:
+    """What the process does: takes a source, and sends its scans, then None; or what the source raised."""
+    with suppress(*_GONE):  # then nobody waits for them any more
+        source = _receive(there)
+        try:
+            for scan in source:
+                _send(there, scan)
+            _send(there, None)
+        except _GONE:
+            raise
+        except Exception as error:
+            _send(there, error)
 
 
-def _send_all(source: Iterable[Scan], there: socket.socket) -> None:
-    try:
-        for scan in source:
-            _send(there, scan)
-        _send(there, None)
-    except (BrokenPipeError, ConnectionResetError):
-        raise
-    except Exception as error:
-        _send(there, error)
-
-
-def _send(there: socket.socket, item: Scan | Exception | None) -> None:
+def _send(there: socket.socket, item: object) -> None:
     """The lengths of all parts, the pickled item without its arrays, and these as they lie in memory."""
     buffers: list[pickle.PickleBuffer] = []
     pickled = pickle.dumps(item, protocol=5, buffer_callback=buffers.append)
@@ -88,12 +87,11 @@ def _send(there: socket.socket, item: Scan | Exception | None) -> None:
         there.sendall(array)
 
 
-def _receive(here: socket.socket) -> Scan | Exception | None:
+def _receive(here: socket.socket) -> Any:
     (parts,) = _LENGTH.unpack(_take(here, _LENGTH.size))
     lengths = _LENGTH.iter_unpack(_take(here, parts * _LENGTH.size))
     pickled, *arrays = [_take(here, length) for (length,) in lengths]
-    item: Scan | Exception | None = pickle.loads(pickled, buffers=arrays)
-    return item
+    return pickle.loads(pickled, buffers=arrays)
 
 
 def _take(here: socket.socket, length: int) -> memoryview:

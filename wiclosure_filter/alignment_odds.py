@@ -2,7 +2,8 @@
 
 Where places look alike, closures of one look-alike place agree with each other as well as true ones do.  The paper uses
 the radio before scans are compared only; the same measurements also tell such sets apart afterwards, even a handful
-that leave too many alignments to prune by.
+that leave too many alignments to prune by.  Where an alignment is certain enough to predict by, the prediction says it
+better: all links of all robots stand behind it, and they have corrected the odometry.
 """
 
 from __future__ import annotations
@@ -13,16 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog, worth_having
 from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
 from wiclosure.wiclosure_filter.link_gathering import links_between
 from wiclosure.wiclosure_filter.mixture import Mixture
 from wiclosure.wiclosure_filter.observations import Observations, drift_from, drift_since
 from wiclosure.wiclosure_filter.refinement import Prior, climb
-
-# No closure worth having is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
-# square radians, which would leave nothing to object to.
-_WORST_RAD, _WORST_M = 0.05, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +146,7 @@ class AlignmentOdds:
         self, anchor: int, yaw_rad: float, covariance: FloatArray, lever_m: float, drift_m: float, drift_rad: float
     ) -> FloatArray:
         """Covariance `(4, 4)` of the state that a closure of covariance `(6, 6)` implies at the anchor."""
-        rotation, translation = np.minimum(np.split(np.diag(covariance), 2), np.square([[_WORST_RAD], [_WORST_M]]))
+        rotation, translation = np.split(np.diag(worth_having(covariance)), 2)
         yaw = rotation[2] + drift_rad**2
         spread = np.diag([yaw, *np.full(3, translation.max() + rotation.max() * lever_m**2 + drift_m**2)])
         # A state's place is that of the centre of b's antennas: a yaw error about the anchor moves it sideways.

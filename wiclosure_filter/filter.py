@@ -61,8 +61,9 @@ class WiClosureFilter:
             else self._unjoined(a, b, trajectories, wireless, alignments)
             for a, b in robot_pairs(list(trajectories))
         )
-        # 5. What will the radio say of measured closures?
-        checks = self._checks(alignments, trajectories, wireless)
+        # 5. What will the radio say of measured closures that it cannot predict?
+        open_alignments = [al for al in alignments if (al.robot_a, al.robot_b) not in shared.estimates]
+        checks = self._checks(open_alignments, trajectories, wireless)
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
         return FilterResult(
             filter_name=self.name,

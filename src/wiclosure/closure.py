@@ -9,6 +9,16 @@ import numpy as np
 
 from wiclosure.arrays import FloatArray
 
+# No closure worth having is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
+# square radians, which would leave nothing to object to.
+_WORST_SIGMA = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
+
+
+def worth_having(covariance: FloatArray) -> FloatArray:
+    """A stated covariance `(6, 6)` of at most 0.05 rad and 0.5 m: for holding a measured pose against what is known."""
+    share = np.minimum(1.0, _WORST_SIGMA / np.sqrt(np.diag(covariance)))
+    return np.asarray(covariance * np.outer(share, share))
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class KeyframeId:

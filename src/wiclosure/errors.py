@@ -17,5 +17,9 @@ class ConfigError(WiclosureError):
     """A configuration or command-line value that cannot be used as it is."""
 
 
+class ProcessError(WiclosureError):
+    """A process that was at work and is no more."""
+
+
 class OutputError(WiclosureError):
     """A result that cannot be written."""

@@ -116,7 +116,8 @@ class FilterResult:
         diagnosis: sentences for the user: what was passed, rejected or left out, and why.
         seconds: wall time spent.
         links: measurements that the kept pairs rest on, for the pose graph.
-        checks: what measured closures of robots `(robot_a, robot_b)` can be held against; queries are of robot_a.
+        checks: what measured closures of robots `(robot_a, robot_b)` can be held against where nothing is predicted for
+            certain; queries are of robot_a.
     """
 
     filter_name: str

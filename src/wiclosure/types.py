@@ -7,7 +7,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs, Prior, RelativePosePredictor, robot_pairs
-from wiclosure.closure import Closure, Decision, Evidence, KeyframeId
+from wiclosure.closure import Closure, Decision, Evidence, KeyframeId, worth_having
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory
@@ -38,4 +38,5 @@ __all__ = [
     "WirelessLog",
     "WirelessMeasurement",
     "robot_pairs",
+    "worth_having",
 ]

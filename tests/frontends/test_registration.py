@@ -83,6 +83,7 @@ def test_every_method_measures_a_true_closure_and_says_why_it_believes_it(method
     assert after.evidence.overlap_probability == before.evidence.overlap_probability
     assert after.evidence.inliers > 0
     assert 0 < after.evidence.inlier_ratio <= 1
+    assert 0 < after.evidence.agreement <= 1
     np.testing.assert_allclose(after.covariance, after.covariance.T)
     assert np.linalg.eigvalsh(after.covariance).min() > 0
 
@@ -124,6 +125,18 @@ def test_in_a_street_of_equal_houses_the_prediction_decides() -> None:
     assert refused.decision is Decision.REJECTED
     assert refused.reason.startswith("contradicts the prediction")
     assert refused.evidence.prior_chi2 > Registration().chi2_limit
+
+
+def test_a_measurement_that_states_no_exactness_is_held_against_a_prediction_all_the_same() -> None:
+    """The variance of DiSCo-SLAM's registration is its fitness on every axis, of metres and of radians."""
+    world = street(0)
+    registration = Registration(RegistrationSettings(method="point-to-point", max_fitness_m2=100.0))
+    sure = np.diag(np.square([0.02, 0.02, 0.02, 0.2, 0.2, 0.2]))
+    elsewhere = TRUTH @ se3.from_yaw(0.0, np.array([6.0, 0.0, 0.0]))
+    after = registration.verify(proposed(), seen_from(np.eye(4), world), seen_from(TRUTH, world), (elsewhere, sure))
+    assert np.linalg.norm(se3.between(elsewhere, after.T_query_match)[:3, 3]) > 2.0
+    assert after.decision is Decision.REJECTED
+    assert after.reason.startswith("contradicts the prediction")
 
 
 def test_a_pose_under_which_one_sensor_looked_through_a_house_is_refused() -> None:

@@ -3,12 +3,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
 
-from wiclosure.errors import InputError
+from wiclosure.errors import InputError, ProcessError
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.dataset_writer import write_kitti_folder
@@ -125,6 +127,25 @@ def test_waiting_for_scans_is_told_from_following_them() -> None:
     fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
     elapsed_s = time.perf_counter() - began
     assert 0.1 * len(SCANS) <= fronts["alpha"].seconds_reading <= elapsed_s - fronts["alpha"].seconds_odometry
+
+
+def test_a_worker_that_is_killed_is_told_in_one_sentence(tmp_path: Path) -> None:
+    data = []
+    for name in ("alpha", "beta"):
+        write_kitti_folder(tmp_path / name, [replace(SCANS[0], stamp_ns=k * 10**8) for k in range(2000)])
+        data.append(f"{name}={tmp_path / name}")
+
+    def kill() -> None:
+        while not (workers := active_children()):
+            time.sleep(0.01)
+        workers[0].kill()
+
+    killer = Thread(target=kill)
+    killer.start()
+    with pytest.raises(ProcessError, match="was killed"):
+        front_ends(open_inputs(data).robots, Config(), cache=StageCache(None), jobs=2, progress=NoProgress())
+    killer.join()
+    assert active_children() == []
 
 
 def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -> None:

@@ -19,6 +19,6 @@ def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     # About one pair in eight is within 35 m on this road.
     assert 2000 < int(found.group(1)) < 12_000
     assert printed.count("overlap") == 3
-    assert "moved by 0 m: nothing against it" in printed
-    assert "moved by 20 m: contradicts the radio" in printed
+    assert "moved by 0 m: agrees" in printed
+    assert "moved by 20 m: contradicts the prediction" in printed
     assert not scope["result"].alignments[0].ambiguous
