@@ -34,7 +34,7 @@ def run_table(metrics: Metrics) -> Table:
     if metrics["bytes_exchanged"] is not None:
         table.add_row("exchanged", f"{metrics['bytes_exchanged'] / 1e6:.2f} MB")
     if metrics["peak_rss_mb"] is not None:
-        table.add_row("peak memory", f"{metrics['peak_rss_mb']:.0f} MB")
+        table.add_row("peak memory", f"{metrics['peak_rss_mb']:.0f} MB (the largest process)")
     _add_remarks(table, metrics["diagnosis"])
     return table
 

@@ -23,6 +23,7 @@ SENSOR_HEIGHT_M = 1.73
 
 _SMOOTH_FRAMES = 3.0
 _CROOKED = 0.01
+_FASTEST_M = 7.0  # between two poses, a tenth of a second apart: 250 km/h
 _SPEED_MPS = 9.0
 _SWAY_DEG, _SHORTEST_WAVE_M = 0.08, 30.0  # a scan's roll and pitch differ from the trend by 0.12 degrees, as recorded
 _ROBOTS = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta")
@@ -78,11 +79,13 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
         rows = np.loadtxt(lines, dtype=float, ndmin=2) if any(map(str.strip, lines)) else np.zeros((0, 0))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot read KITTI poses ({error}); expected 12 numbers a line") from error
-    if rows.shape[1] != 12 or len(rows) < 20 or not np.isfinite(rows).all():
+    if rows.shape[1] != 12 or len(rows) < 20:
         raise InputError(
-            f"{path}: {rows.shape[0]} lines of {rows.shape[1]} numbers; expected 20 or more KITTI poses, 12 finite"
-            " numbers a line"
+            f"{path}: {rows.shape[0]} lines of {rows.shape[1]} numbers; expected 20 or more KITTI poses, 12 numbers"
+            " a line"
         )
+    if not (finite := np.isfinite(rows).all(axis=1)).all():
+        raise InputError(f"{path}, line {np.argmin(finite) + 1}: not all 12 numbers are finite")
     T = rows.reshape(-1, 3, 4)
     crooked = np.abs(T[:, :, :3] @ np.swapaxes(T[:, :, :3], 1, 2) - np.eye(3)).max(axis=(1, 2)) > _CROOKED
     if crooked.any():
@@ -93,7 +96,13 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
     # Camera axes: x right, y down, z forward. Ours: x forward, y left.
     xy = np.stack([T[:, 2, 3], -T[:, 0, 3]], axis=1)
     yaw = np.unwrap(np.arctan2(-T[:, 0, 2], T[:, 2, 2]))
-    if np.linalg.norm(np.diff(xy, axis=0), axis=1).sum() < 50:
+    steps_m = np.linalg.norm(np.diff(xy, axis=0), axis=1)
+    if (leap := int(np.argmax(steps_m > _FASTEST_M))) or steps_m[0] > _FASTEST_M:
+        raise InputError(
+            f"{path}, line {leap + 2}: {steps_m[leap]:.0f} m from the line before; expected metres, ten lines a"
+            f" second, so at most {_FASTEST_M:g} m between two"
+        )
+    if steps_m.sum() < 50:
         raise InputError(f"{path}: the poses cover less than 50 m; streets need a longer drive")
     smooth = smoothed(np.column_stack([xy, yaw]), _SMOOTH_FRAMES)
     return smooth[:, :2], smooth[:, 2]

@@ -65,7 +65,7 @@ class RadioSettings(Settings):
     heading_memory_s: float = Field(
         30.0, ge=0, description="s over which a compass error fades: steel nearby disturbs many readings alike"
     )
-    schedule: tuple[LinkWindow, ...] = Field((), description="when links are up; empty: always")
+    schedule: tuple[LinkWindow, ...] | None = Field(None, description="when links are up; none: always")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

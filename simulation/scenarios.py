@@ -96,7 +96,7 @@ def make_scenario(name: str, settings: ScenarioSettings | None = None) -> Scenar
             settings.poses,
         )
     )
-    for robot in {end for window in scenario.radio.schedule for end in (window.robot_a, window.robot_b) if end}:
+    for robot in {end for window in scenario.radio.schedule or () for end in (window.robot_a, window.robot_b) if end}:
         lookup("robot", robot, scenario.robots)
     return scenario
 

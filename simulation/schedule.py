@@ -29,9 +29,11 @@ class LinkWindow(Settings):
         return all(robot in ends for robot in (self.robot_a, self.robot_b) if robot)
 
 
-def link_is_up(windows: Sequence[LinkWindow], robot_a: str, robot_b: str, time_s: FloatArray) -> NDArray[np.bool_]:
-    """Whether the link is up at each time `(N,)`; without any window it always is."""
-    if not windows:
+def link_is_up(
+    windows: Sequence[LinkWindow] | None, robot_a: str, robot_b: str, time_s: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the link is up at each time `(N,)`: in its windows; always, where there is no schedule."""
+    if windows is None:
         return np.ones(len(time_s), bool)
     mine = [window for window in windows if window.applies_to(robot_a, robot_b)]
     start = np.array([window.start_s for window in mine])[:, None]
@@ -46,7 +48,7 @@ def read_schedule(path: Path) -> tuple[LinkWindow, ...]:
         InputError: the file cannot be read, lacks a column, or a line is wrong (named with its number).
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             rows = csv.DictReader(file, skipinitialspace=True)
             columns = set(rows.fieldnames or ())
             if not {"start_s", "end_s"} <= columns or not columns <= set(LinkWindow.model_fields):
@@ -59,13 +61,18 @@ def read_schedule(path: Path) -> tuple[LinkWindow, ...]:
         raise InputError(f"{path}: cannot read the radio schedule ({error}); give a CSV file") from error
 
 
-def _window(path: Path, line: int, row: dict[str, str]) -> LinkWindow:
+def _window(path: Path, line: int, row: dict[str | None, str]) -> LinkWindow:
+    if None in row:
+        raise InputError(f"{path}, line {line}: more values than columns")
     try:
         window = LinkWindow.model_validate(row)
     except ValidationError as error:
-        raise InputError(f"{path}, line {line}: start_s and end_s must be seconds >= 0, got {row}") from error
+        got = f"{row['start_s']!r} and {row['end_s']!r}"
+        raise InputError(f"{path}, line {line}: start_s and end_s must be seconds >= 0, got {got}") from error
     if window.end_s < window.start_s:
         raise InputError(
             f"{path}, line {line}: the window ends ({window.end_s} s) before it starts ({window.start_s} s)"
         )
+    if window.robot_a and window.robot_a == window.robot_b:
+        raise InputError(f"{path}, line {line}: a link has two ends, and both are {window.robot_a}")
     return window

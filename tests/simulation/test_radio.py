@@ -269,8 +269,17 @@ def test_schedule_limits_when_robots_talk(tmp_path: Path) -> None:
     log = simulate_wireless_from_poses(two_robots(), noise_free(every_m=None, every_s=5.0, schedule=schedule), 0)
     seconds = [m.stamp_ns // 10**9 for m in log.measurements]
     assert seconds == [*range(50, 101, 5), *range(200, 221, 5)]
-    assert link_is_up((), "alpha", "beta", np.array([1.0, 2.0])).all()
+    assert link_is_up(None, "alpha", "beta", np.array([1.0, 2.0])).all()
     assert not link_is_up((LinkWindow(start_s=0, end_s=9, robot_a="gamma"),), "alpha", "beta", np.array([1.0])).any()
+
+
+def test_a_schedule_without_windows_is_silence_and_a_byte_order_mark_is_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "schedule.csv"
+    path.write_text("\ufeffstart_s,end_s\n", encoding="utf-8")
+    robots, talkative = two_robots(), noise_free(every_m=None, every_s=5.0)
+    assert simulate_wireless_from_poses(robots, talkative, 0).measurements
+    silent = talkative.model_copy(update={"schedule": read_schedule(path)})
+    assert not simulate_wireless_from_poses(robots, silent, 0).measurements
 
 
 @pytest.mark.parametrize(
@@ -283,7 +292,8 @@ def test_schedule_limits_when_robots_talk(tmp_path: Path) -> None:
         ("start_s,end_s\n-5,2\n", "line 2"),
         ("start_s,end_s\n1,nan\n", "line 2"),
         ("start_s,end_s\n1\n", "line 2"),
-        ("start_s,end_s\n1,2,3\n", "line 2"),
+        ("start_s,end_s\n1,2,3\n", "line 2: more values"),
+        ("start_s,end_s,robot_a,robot_b\n1,2,alpha,alpha\n", "line 2: .* both are alpha"),
     ],
 )
 def test_a_wrong_schedule_is_refused_with_its_line(tmp_path: Path, content: str, message: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from wiclosure.errors import ConfigError, InputError
 from wiclosure.interfaces import ScanSource
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
 from wiclosure.simulation.motion import MotionSettings, drive
+from wiclosure.types import FloatArray
+
+Spoil = Callable[[FloatArray], FloatArray]
 
 
 def settings(**changes: object) -> ScenarioSettings:
@@ -116,6 +120,23 @@ def test_a_poses_file_of_another_form_is_refused(tmp_path: Path, content: str, m
     path.write_text(content)
     with pytest.raises(InputError, match=message):
         make_scenario("kitti08", settings(poses=path))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda rows: rows * np.tile([1.0, 1.0, 1.0, 1000.0], 3), "line 2: 1000 m from the line before"),
+        (lambda rows: np.vstack([rows[:30], rows[60:]]), "line 31: 31 m from the line before"),
+        (lambda rows: np.where(np.arange(len(rows))[:, None] == 40, np.nan, rows), "line 41: not all 12 numbers"),
+    ],
+)
+def test_poses_that_no_car_drives_are_refused_with_their_line(tmp_path: Path, spoil: Spoil, message: str) -> None:
+    rows = np.zeros((100, 3, 4))
+    rows[:, :, :3] = np.eye(3)
+    rows[:, 2, 3] = np.arange(100.0)
+    np.savetxt(tmp_path / "poses.txt", spoil(rows.reshape(100, 12)))
+    with pytest.raises(InputError, match=message):
+        make_scenario("kitti08", settings(poses=tmp_path / "poses.txt"))
 
 
 def test_kitti08_asks_for_poses() -> None:
