@@ -71,8 +71,10 @@ def main() -> None:
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
     # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Ended by `kill`: as by Ctrl-C, so that no worker and no scratch folder is left behind.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left behind.
+    for ending in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        if signal.getsignal(ending) is signal.SIG_DFL:  # `nohup` has it ignored
+            signal.signal(ending, signal.default_int_handler)
     try:
         code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except usage_error as error:

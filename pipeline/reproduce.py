@@ -89,14 +89,15 @@ def verdicts(comparison: Comparison) -> list[str]:
     return [_verdict(preset, name, outcomes) for (preset, name), outcomes in comparison.arms.items()]
 
 
-def report(experiment: Experiment, comparison: Comparison) -> str:
-    """`reproduce.md`."""
+def report(experiment: Experiment, comparison: Comparison, n_scans: int | None = None) -> str:
+    """`reproduce.md`; `n_scans` is how many of each robot's scans were read at most, if not all."""
     seeds = ", ".join(str(seed) for seed in dict.fromkeys(o.seed for o in comparison.outcomes))
+    part_only = "" if n_scans is None else f" Read were the first {n_scans} scans of each robot: not the paper's drive."
     parts = [
         f"# {experiment.title}, reproduced",
         f"World: scenario `{experiment.scenario}`, seeds {seeds}. Medians over the seeds, [smallest, largest]; seconds"
         " are uncached: what each arm costs alone from raw scans, on this machine. The paper's figures are of its own"
-        " robots and machine: compare its totals with each other.",
+        " robots and machine: compare its totals with each other." + part_only,
         *(f"## Back end {preset}\n\n{markdown(*of)}" for preset, of in tables(experiment, comparison).items()),
         "*Closing time* is search (filter and scan context), verification and optimisation. The oracle knows the true"
         " poses: a perfect filter. Odometry alone: each robot aligned on its own, what drift leaves.",

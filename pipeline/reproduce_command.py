@@ -47,7 +47,7 @@ def reproduce(
     chosen, plan = reproducing.plan_of(experiment, poses=poses, seed=seed, seeds=seeds, n_scans=n_scans, set_=set_)
     with result_folder(result, [str(poses)] if poses else []) as (folder, scratch):
         compared = run_plan(plan, scratch, working)
-        (scratch / "reproduce.md").write_text(reproducing.report(chosen, compared), encoding="utf-8")
+        (scratch / "reproduce.md").write_text(reproducing.report(chosen, compared, n_scans), encoding="utf-8")
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:

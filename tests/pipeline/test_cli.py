@@ -312,7 +312,9 @@ def test_full_disk_leaves_the_old_result(wiclosure: Call, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("jobs", "how"), [("1", signal.SIGINT), ("2", signal.SIGINT), ("2", signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("jobs", "how"), [("1", signal.SIGINT), ("2", signal.SIGINT), ("2", signal.SIGTERM), ("3", signal.SIGHUP)]
+)
 def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str, how: signal.Signals) -> None:
     write_kitti_folder("alpha", SCANS)
     write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
@@ -332,10 +334,31 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str,
     assert not Path("run").exists()
     assert not list(tmp_path.glob(".run*"))
     assert len(list(finished.glob("odometry-*"))) == 1
+    assert left_behind(process.pid) == []
+
+
+@pytest.mark.slow
+def test_workers_end_with_a_command_that_is_killed() -> None:
+    """Also the one that has nothing to do any more, and the process that reads ahead."""
+    write_kitti_folder("alpha", SCANS)
+    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
+    command = [sys.executable, "-m", "wiclosure.pipeline.cli", "run", "alpha", "beta", "--out", "run", "-q", "-j", "3"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    time.sleep(8)
+    assert len(left_behind(process.pid)) > 1
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 30
+    while (left := left_behind(process.pid)) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert left == []
+
+
+def left_behind(group: int) -> list[str]:
+    """Commands of the processes of a group, but for the one that only tidies up after the others."""
     processes = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True)
     words = [line.split(maxsplit=2) for line in processes.stdout.splitlines()]
-    left_behind = [w for w in words if w[0] == str(process.pid) and not w[1].startswith("Z")]
-    assert not [w for w in left_behind if "resource_tracker" not in w[2]]
+    return [w[2] for w in words if w[0] == str(group) and not w[1].startswith("Z") and "resource_tracker" not in w[2]]
 
 
 def test_heavy_libraries_wait_until_they_serve() -> None:

@@ -56,6 +56,8 @@ def test_every_row_of_the_paper_stands_beside_ours(name: str, lost_alone: float 
         assert by_label["Total Computation Time (s)"][0] == "41.0 [40.0, 42.0]"
     text = report(experiment, compared)
     assert all(sentence in text for sentence in experiment.contradictions)
+    assert "first 40 scans" not in text
+    assert "first 40 scans" in report(experiment, compared, 40)
     assert f"{experiment.presets[0]} with none fails in 3 of 3 worlds; false closures are accepted in 3" in text
     assert f"{experiment.presets[0]} with wiclosure does not fail (0 of 3 worlds)" in text
 
