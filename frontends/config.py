@@ -60,7 +60,10 @@ class KeyframeSettings(Settings):
     distance_m: float = Field(1.0, gt=0, description="m moved since the last keyframe (as DiSCo-SLAM)")
     rotation_rad: float = Field(0.2, gt=0, description="rad turned since the last keyframe (as DiSCo-SLAM)")
     scans: int = Field(
-        1, ge=1, description="the last so many scans make up a keyframe's cloud: more than one where scans are sparse"
+        1,
+        ge=1,
+        description="the last so many scans make up a keyframe's cloud: a few where scans are sparse; many see around"
+        " corners, and registration takes what lies there for looked through",
     )
     cloud_voxel_size_m: float | None = Field(
         None, gt=0, description="m; none: half the odometry's voxel, what the finest step of registration can use"
