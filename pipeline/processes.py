@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from threading import Thread
 from typing import TypeVar
@@ -41,7 +41,7 @@ def side_by_side(
     """
     # Forked processes would inherit locks that other libraries' threads hold.
     fresh = get_context("spawn")
-    unwanted = fresh.Event()
+    unwanted, others = fresh.Event(), set(active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
     try:
         with interrupts_ignored():
@@ -51,6 +51,9 @@ def side_by_side(
         # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
         unwanted.set()
         if isinstance(error, BrokenProcessPool):
+            # The pool ends those that it knows of when one dies, and waits for one that just starts.
+            for started in set(active_children()) - others:
+                started.terminate()
             raise ProcessError(
                 "a process at work was killed; where memory is short, work with fewer at a time (-j)"
             ) from None
