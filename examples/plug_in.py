@@ -68,6 +68,7 @@ measured = np.diag(np.square([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))  # rad, m: how 
 for wrong_m in (0.0, 20.0):
     T_measured = T @ se3.from_yaw(0.0, np.array([wrong_m, 0.0, 0.0]))
     error = se3.log(se3.between(T, T_measured))
-    chi2 = float(error @ np.linalg.solve(C + measured, error))
+    # Sigmas of the prediction count twice: walls make measurements err alike.  22.5 is 0.999 of chi-square, 6 unknowns.
+    chi2 = float(error @ np.linalg.solve(4 * C + measured, error))
     print(f"moved by {wrong_m:g} m: {'contradicts the prediction' if chi2 > 22.5 else 'agrees'}, chi-square {chi2:.0f}")
 # Where the radio predicts no pose for certain, `result.checks` knows what it has against measured ones all the same.

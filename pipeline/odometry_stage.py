@@ -16,7 +16,7 @@ from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
 from wiclosure.pipeline.cache import StageCache
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.inputs import RobotInput
-from wiclosure.pipeline.processes import require_wanted, side_by_side
+from wiclosure.pipeline.processes import interrupts_ignored, require_wanted, side_by_side
 from wiclosure.pipeline.progress import Progress
 from wiclosure.pipeline.reading_ahead import read_ahead
 from wiclosure.types import Scan
@@ -138,7 +138,8 @@ class _Work:
 
 def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
     """One robot a process."""
-    reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
+    with interrupts_ignored():
+        reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
     with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
         waiting = set(futures)
         while waiting:

@@ -41,7 +41,8 @@ def side_by_side(
     """
     # Forked processes would inherit locks that other libraries' threads hold.
     fresh = get_context("spawn")
-    unwanted, others = fresh.Event(), set(active_children())
+    with interrupts_ignored():  # by the process, too, that tidies up after the others
+        unwanted, others = fresh.Event(), set(active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
     try:
         with interrupts_ignored():
@@ -63,14 +64,22 @@ def side_by_side(
             pool.shutdown(cancel_futures=True)
 
 
+_FROM_TERMINAL = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
+
+
 @contextmanager
 def interrupts_ignored() -> Iterator[None]:
-    """For starting processes: Ctrl-C reaches them too, even while they import, and is none of their business."""
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """For starting and ending processes.
+
+    Ctrl-C, and the end of the terminal, reach them too, even while they import, and are none of their business: they
+    inherit that they are to be ignored.
+    """
+    handlers = {of: signal.signal(of, signal.SIG_IGN) for of in _FROM_TERMINAL}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for of, handler in handlers.items():
+            signal.signal(of, handler)
 
 
 def require_wanted() -> None:

@@ -48,16 +48,23 @@ def read_ahead(source: ScanSource) -> Iterator[Iterator[Scan]]:
 
 
 def _arriving(here: socket.socket, source: ScanSource) -> Iterator[Scan]:
-    try:
-        # Not as an argument of the process: to one that dies while it starts, Python would write for ever.
+    # Not as an argument of the process: to one that dies while it starts, Python would write for ever.
+    with _alive(source):
         _send(here, source)
-        while True:
+    while True:
+        with _alive(source):
             item = _receive(here)
-            if item is None:
-                return
-            if isinstance(item, Exception):
-                raise item
-            yield item
+        if item is None:
+            return
+        if isinstance(item, Exception):
+            raise item
+        yield item
+
+
+@contextmanager
+def _alive(source: ScanSource) -> Iterator[None]:
+    try:
+        yield
     except _GONE:
         raise InputError(f"{source.description}: the process that read it died; is there enough memory?") from None
 
@@ -66,14 +73,23 @@ def _read(there: socket.socket) -> None:
     """What the process does: takes a source, and sends its scans, then None; or what the source raised."""
     with suppress(*_GONE):  # then nobody waits for them any more
         source = _receive(there)
-        try:
-            for scan in source:
-                _send(there, scan)
-            _send(there, None)
-        except _GONE:
-            raise
-        except Exception as error:
-            _send(there, error)
+        scans = iter(source)
+        while True:
+            try:
+                item = next(scans, None)
+            except Exception as error:  # what it is, is for the other end to judge
+                item = _sendable(error)
+            _send(there, item)
+            if not isinstance(item, Scan):
+                return
+
+
+def _sendable(error: Exception) -> Exception:
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # whatever it carries along
+        return InputError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def _send(there: socket.socket, item: object) -> None:

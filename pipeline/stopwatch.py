@@ -17,8 +17,10 @@ class Stopwatch:
     def time(self, stage: str) -> Iterator[None]:
         """Adds what happens inside to a stage."""
         began = time.perf_counter()
-        yield
-        self._seconds[stage] = self._seconds.get(stage, 0.0) + time.perf_counter() - began
+        try:
+            yield
+        finally:
+            self._seconds[stage] = self._seconds.get(stage, 0.0) + time.perf_counter() - began
 
     def __getitem__(self, stage: str) -> float:
         """Seconds of a stage that was timed."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,9 +62,9 @@ def read_schedule(path: Path) -> tuple[LinkWindow, ...]:
         raise InputError(f"{path}: cannot read the radio schedule ({error}); give a CSV file") from error
 
 
-def _window(path: Path, line: int, row: dict[str | None, str]) -> LinkWindow:
-    if None in row:
-        raise InputError(f"{path}, line {line}: more values than columns")
+def _window(path: Path, line: int, row: dict[str | None, Any]) -> LinkWindow:
+    if None in row or None in row.values():
+        raise InputError(f"{path}, line {line}: {'more' if None in row else 'fewer'} values than columns")
     try:
         window = LinkWindow.model_validate(row)
     except ValidationError as error:

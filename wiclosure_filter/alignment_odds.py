@@ -2,8 +2,8 @@
 
 Where places look alike, closures of one look-alike place agree with each other as well as true ones do.  The paper uses
 the radio before scans are compared only; the same measurements also tell such sets apart afterwards, even a handful
-that leave too many alignments to prune by.  Where an alignment is certain enough to predict by, the prediction says it
-better: all links of all robots stand behind it, and they have corrected the odometry.
+that leave too many alignments to prune by.  Where the links of two robots serve to predict, the prediction says it
+better: those of other robots stand behind it too, and they have corrected the odometry.
 """
 
 from __future__ import annotations

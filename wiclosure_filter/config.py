@@ -118,10 +118,10 @@ class FilterSettings(Settings):
     closure_odds: float | None = Field(
         default=100.0,
         gt=1,
-        description="in a run, closures of robots whose poses the radio cannot predict are refused after their"
-        " registration where it gives so long odds against the alignment that they imply; null: none are (the paper)."
-        " Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 % of the"
-        " true ones or more stay below",
+        description="in a run, closures of robots whose poses the radio cannot predict for certain are refused after"
+        " their registration where it gives so long odds against the alignment that they imply; null: none are (the"
+        " paper). Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 %"
+        " of the true ones or more stay below",
     )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()

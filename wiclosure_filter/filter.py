@@ -62,8 +62,9 @@ class WiClosureFilter:
             for a, b in robot_pairs(list(trajectories))
         )
         # 5. What will the radio say of measured closures that it cannot predict?
-        open_alignments = [al for al in alignments if (al.robot_a, al.robot_b) not in shared.estimates]
-        checks = self._checks(open_alignments, trajectories, wireless)
+        predicting = {(links.robot_a, links.robot_b) for links in shared.links}
+        unused = [alignment for alignment in alignments if (alignment.robot_a, alignment.robot_b) not in predicting]
+        checks = self._checks(unused, trajectories, wireless)
         diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
         return FilterResult(
             filter_name=self.name,

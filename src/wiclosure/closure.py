@@ -15,9 +15,17 @@ _WORST_SIGMA = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
 
 
 def worth_having(covariance: FloatArray) -> FloatArray:
-    """A stated covariance `(6, 6)` of at most 0.05 rad and 0.5 m: for holding a measured pose against what is known."""
-    share = np.minimum(1.0, _WORST_SIGMA / np.sqrt(np.diag(covariance)))
-    return np.asarray(covariance * np.outer(share, share))
+    """A stated covariance `(6, 6)` of at most 0.05 rad and 0.5 m: for holding a measured pose against what is known.
+
+    Directions that are stated to be vaguer are cut to that, in units of it; others stay as they are.
+    """
+    if not np.isfinite(covariance).all():
+        return np.diag(np.square(_WORST_SIGMA))
+    scale = np.outer(_WORST_SIGMA, _WORST_SIGMA)
+    variances, axes = np.linalg.eigh(covariance / scale)
+    if variances[-1] <= 1.0:
+        return covariance
+    return np.asarray((axes * np.minimum(variances, 1.0)) @ axes.T * scale)
 
 
 @dataclass(frozen=True, slots=True, order=True)
