@@ -271,9 +271,8 @@ def register_both(label: str, seen: list[Seen]) -> None:
     chosen = [(i, i + step) for step in (6, 10, 14) for i in range(0, 45, 3)]
     registration, ours, peer = Registration(), [], []
     ours_s = peer_s = 0.0
-    metres = [se3.between(seen[i].T_world_body, seen[j].T_world_body)[:3, 3] for i, j in chosen]
-    lengths = np.linalg.norm(metres, axis=1)
-    print(f"  {label}: {len(chosen)} pairs {lengths.min():.1f}-{lengths.max():.1f} m apart")
+    apart_m = [np.linalg.norm(seen[i].T_world_body[:3, 3] - seen[j].T_world_body[:3, 3]) for i, j in chosen]
+    print(f"  {label}: {len(chosen)} pairs {min(apart_m):.1f}-{max(apart_m):.1f} m apart")
     for i, j in chosen:
         T_true = se3.between(seen[i].T_world_body, seen[j].T_world_body)
         a, b = (KeyframeId(name, k) for name, k in (("alpha", i), ("beta", j)))

@@ -138,7 +138,7 @@ class _Work:
 
 def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
     """One robot a process."""
-    with interrupts_ignored():
+    with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
         reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
     with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
         waiting = set(futures)

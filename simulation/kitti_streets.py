@@ -97,9 +97,9 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
     xy = np.stack([T[:, 2, 3], -T[:, 0, 3]], axis=1)
     yaw = np.unwrap(np.arctan2(-T[:, 0, 2], T[:, 2, 2]))
     steps_m = np.linalg.norm(np.diff(xy, axis=0), axis=1)
-    if (leap := int(np.argmax(steps_m > _FASTEST_M))) or steps_m[0] > _FASTEST_M:
+    if len(leaps := np.flatnonzero(steps_m > _FASTEST_M)):
         raise InputError(
-            f"{path}, line {leap + 2}: {steps_m[leap]:.0f} m from the line before; expected metres, ten lines a"
+            f"{path}, line {leaps[0] + 2}: {steps_m[leaps[0]]:.0f} m from the line before; expected metres, ten lines a"
             f" second, so at most {_FASTEST_M:g} m between two"
         )
     if steps_m.sum() < 50:
