@@ -45,9 +45,7 @@ def side_by_side(
         unwanted, others = fresh.Event(), set(active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
     try:
-        with interrupts_ignored():
-            futures = [pool.submit(work, item) for item in items]
-        yield futures
+        yield _submitted(pool, work, items)
     except BaseException as error:
         # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
         unwanted.set()
@@ -62,6 +60,21 @@ def side_by_side(
     finally:
         with interrupts_ignored():  # impatience would leave workers behind
             pool.shutdown(cancel_futures=True)
+
+
+def _submitted(
+    pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item]
+) -> list[Future[Result]]:
+    """Starts the pool's processes.
+
+    Raises:
+        BrokenProcessPool: one died, or could not be started.
+    """
+    try:
+        with interrupts_ignored():
+            return [pool.submit(work, item) for item in items]
+    except (OSError, ValueError) as error:  # what comes of one that dies while the next is given its pipes
+        raise BrokenProcessPool("a process could not be started") from error
 
 
 _FROM_TERMINAL = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
