@@ -25,8 +25,8 @@ from wiclosure.types import (
     WirelessLog,
     WirelessMeasurement,
 )
-from wiclosure.wiclosure_filter.alignment import align
-from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
 
 AREA_M = 25.0
 FOUND_M = 4.0

@@ -24,10 +24,10 @@ from wiclosure.formats.filter_summary import peak_rss_mb
 from wiclosure.types import CandidatePairs, FilterResult, FloatArray, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
-from wiclosure.wiclosure_filter.gates import make_gate
-from wiclosure.wiclosure_filter.overlap_search import find_overlap
-from wiclosure.wiclosure_filter.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared_trajectory import share_trajectories
+from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.wiclosure_filter.search.overlap_search import find_overlap
+from wiclosure.wiclosure_filter.search.pair_model import PairModel
+from wiclosure.wiclosure_filter.shared.shared_trajectory import share_trajectories
 
 TRUE_M = 35.0
 

@@ -43,14 +43,14 @@ from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.revisits import revisits
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
-from wiclosure.pipeline.cache import StageCache, default_cache_folder
-from wiclosure.pipeline.closure_checks import unless_filter_objects
 from wiclosure.pipeline.config import Config, resolve
-from wiclosure.pipeline.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.inputs import Inputs, open_inputs
-from wiclosure.pipeline.odometry_stage import front_ends
-from wiclosure.pipeline.progress import NoProgress
-from wiclosure.pipeline.run import candidate_filter
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
+from wiclosure.pipeline.data.inputs import Inputs, open_inputs
+from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
+from wiclosure.pipeline.runtime.progress import NoProgress
+from wiclosure.pipeline.stages.odometry import front_ends
+from wiclosure.pipeline.stages.radio_check import unless_filter_objects
+from wiclosure.pipeline.stages.run import candidate_filter
 from wiclosure.types import (
     CandidatePairs,
     Closure,

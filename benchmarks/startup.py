@@ -12,8 +12,8 @@ REPEATS = 10
 COMMANDS = {
     "python -c pass": [sys.executable, "-c", "pass"],
     "python -c 'import numpy'": [sys.executable, "-c", "import numpy"],
-    "wiclosure --help": [sys.executable, "-m", "wiclosure.pipeline.cli", "--help"],
-    "wiclosure --version": [sys.executable, "-m", "wiclosure.pipeline.cli", "--version"],
+    "wiclosure --help": [sys.executable, "-m", "wiclosure", "--help"],
+    "wiclosure --version": [sys.executable, "-m", "wiclosure", "--version"],
 }
 
 

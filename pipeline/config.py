@@ -27,7 +27,7 @@ from wiclosure.frontends.config import (
     RevisitSettings,
     ScanContextSettings,
 )
-from wiclosure.pipeline.evaluation import EvaluationSettings
+from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings
 from wiclosure.settings import Settings
 from wiclosure.wiclosure_filter.config import FilterSettings
 

@@ -7,7 +7,7 @@ from typing import Literal, Self
 from pydantic import Field
 
 from wiclosure.settings import Settings
-from wiclosure.wiclosure_filter.alignment_settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
 
 
 class SharedTrajectorySettings(Settings):

@@ -18,15 +18,15 @@ from wiclosure.types import (
     WirelessLog,
     robot_pairs,
 )
-from wiclosure.wiclosure_filter.alignment import align
-from wiclosure.wiclosure_filter.alignment_odds import AlignmentOdds
+from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.odds import AlignmentOdds
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.gates import make_gate
-from wiclosure.wiclosure_filter.overlap_search import KeptPairs, find_overlap
-from wiclosure.wiclosure_filter.pairs import all_pairs, count_pairs
-from wiclosure.wiclosure_filter.relative_heading import RelativeHeading
-from wiclosure.wiclosure_filter.rival_estimates import RivalEstimates
-from wiclosure.wiclosure_filter.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
+from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_overlap
+from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
+from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading
+from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
 
 
 class WiClosureFilter:

@@ -23,17 +23,17 @@ from wiclosure.types import (
     Trajectory,
     WirelessLog,
 )
-from wiclosure.wiclosure_filter.ball_probability import principal_axes
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.gates import make_gate
-from wiclosure.wiclosure_filter.joint_estimate import JointEstimate
-from wiclosure.wiclosure_filter.link_gathering import links_between
-from wiclosure.wiclosure_filter.links import Links
-from wiclosure.wiclosure_filter.overlap_search import SearchTrace, find_overlap
-from wiclosure.wiclosure_filter.pair_model import PairModel
-from wiclosure.wiclosure_filter.rival_estimates import RivalEstimates
-from wiclosure.wiclosure_filter.segments import SegmentTree
-from wiclosure.wiclosure_filter.shortest_route import ShortestRouteEstimate
+from wiclosure.wiclosure_filter.links.gathering import links_between
+from wiclosure.wiclosure_filter.links.links import Links
+from wiclosure.wiclosure_filter.search.ball_probability import principal_axes
+from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
+from wiclosure.wiclosure_filter.search.pair_model import PairModel
+from wiclosure.wiclosure_filter.search.segments import SegmentTree
+from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
+from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate
+from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from typing import TypeAlias
 from wiclosure.errors import ConfigError
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.types import Trajectory
+from wiclosure.wiclosure_filter.baselines import NoFilter, OracleFilter, RandomFilter, RangeGateFilter
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.simple_filters import NoFilter, OracleFilter, RandomFilter, RangeGateFilter
 
 GroundTruth: TypeAlias = Mapping[str, Trajectory]
 FilterFactory: TypeAlias = Callable[[FilterSettings, GroundTruth | None], CandidateFilter]

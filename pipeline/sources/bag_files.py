@@ -9,7 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources import salvage_mcap, salvage_ros1, zstd
+from wiclosure.pipeline.sources.salvage import mcap as salvage_mcap
+from wiclosure.pipeline.sources.salvage import ros1 as salvage_ros1
+from wiclosure.pipeline.sources.salvage import zstd
 
 KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
 _MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}

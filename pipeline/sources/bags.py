@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources import zstd
 from wiclosure.pipeline.sources.bag_files import (
     KINDS,
     METADATA,
@@ -23,8 +22,9 @@ from wiclosure.pipeline.sources.bag_files import (
     plain_files,
     several_recordings,
 )
-from wiclosure.pipeline.sources.ros_types import Encoding, deserialize, recorded_typestore
-from wiclosure.pipeline.sources.salvage import FoundTopic, scan_file
+from wiclosure.pipeline.sources.messages.ros_types import Encoding, deserialize, recorded_typestore
+from wiclosure.pipeline.sources.salvage import zstd
+from wiclosure.pipeline.sources.salvage.recover import FoundTopic, scan_file
 
 if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Reader1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.pointcloud2 import INTENSITY_FIELDS, TIME_FIELDS, are_returns
+from wiclosure.pipeline.sources.messages.pointcloud2 import INTENSITY_FIELDS, TIME_FIELDS, are_returns
 from wiclosure.types import FloatArray
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.formats.stamps import nanoseconds
 from wiclosure.pipeline.sources.files import CLOUD_READERS
-from wiclosure.pipeline.sources.point_times import PointClock
-from wiclosure.pipeline.sources.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.messages.point_times import PointClock
+from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
 from wiclosure.types import IntArray, Scan
 
 _PERIOD_NS = 100_000_000  # 10 Hz, the usual rate of spinning LiDARs

@@ -10,8 +10,13 @@ from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.bags import Bag, open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
 from wiclosure.pipeline.sources.kitti import KittiSource
+from wiclosure.pipeline.sources.messages.pointcloud2 import (
+    FORMATS,
+    POINT_CLOUD_TYPE,
+    PointCloud2Decoder,
+    PointCloud2Message,
+)
 from wiclosure.pipeline.sources.open import guess_loader
-from wiclosure.pipeline.sources.pointcloud2 import FORMATS, POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
 
 
 @dataclass(frozen=True, slots=True)

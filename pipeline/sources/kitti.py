@@ -10,8 +10,8 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.formats.stamps import nanoseconds
 from wiclosure.pipeline.sources.files import read_bin
-from wiclosure.pipeline.sources.point_times import PointClock
-from wiclosure.pipeline.sources.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.messages.point_times import PointClock
+from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
 from wiclosure.types import IntArray, Scan
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))

@@ -11,8 +11,8 @@ from typing import cast
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.bags import BagTopic, open_bag
-from wiclosure.pipeline.sources.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
-from wiclosure.pipeline.sources.ros_types import deserialize, typestore
+from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
+from wiclosure.pipeline.sources.messages.ros_types import deserialize, typestore
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)

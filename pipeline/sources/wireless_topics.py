@@ -17,8 +17,8 @@ from typing import Protocol, TypeAlias, TypeVar, cast
 from wiclosure.errors import InputError
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
-from wiclosure.pipeline.sources.pointcloud2 import HeaderMessage
-from wiclosure.pipeline.sources.wireless_messages import (
+from wiclosure.pipeline.sources.messages.pointcloud2 import HeaderMessage
+from wiclosure.pipeline.sources.messages.wireless_messages import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
     decode_heading,

@@ -17,10 +17,10 @@ from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.frontends.config import FrontEndSettings
 from wiclosure.frontends.front_end import FrontEnd
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.dataset import Dataset
-from wiclosure.pipeline.dataset_file import write_dataset
-from wiclosure.pipeline.dataset_writer import write_kitti_folder, write_ros2_bag
-from wiclosure.pipeline.recording import RobotRecording
+from wiclosure.pipeline.data.dataset import Dataset
+from wiclosure.pipeline.data.dataset_file import write_dataset
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros2_bag
+from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory
 
@@ -64,7 +64,7 @@ def dataset(kitti_drive: ScanSource, reference: Trajectory, tmp_path_factory: py
 
 
 def wiclosure(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "wiclosure.pipeline.cli", *map(str, words)]
+    command = [sys.executable, "-m", "wiclosure", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -8,9 +8,9 @@ import pytest
 from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement, robot_pairs
+from wiclosure.wiclosure_filter.baselines import OracleFilter, RandomFilter, RangeGateFilter
 from wiclosure.wiclosure_filter.config import FilterSettings, OracleSettings, RandomSettings, RangeGateSettings
 from wiclosure.wiclosure_filter.registry import FILTERS, make_filter
-from wiclosure.wiclosure_filter.simple_filters import OracleFilter, RandomFilter, RangeGateFilter
 
 
 def straight(robot: str, size: int, y_m: float = 0.0, reverse: bool = False) -> Trajectory:

@@ -23,7 +23,7 @@ from wiclosure.types import AoaPath, FloatArray, WirelessLog, WirelessMeasuremen
 class AoaNoise:
     """How far a peak of a profile may be off, by the profile's variance; defaults fitted on 588 real profiles.
 
-    `python -m wiclosure.wiclosure_filter.noise_model FILES...` repeats the fit.
+    `python -m wiclosure.wiclosure_filter.links.noise_model FILES...` repeats the fit.
 
     Args:
         log_sigma: log of sigma in radians, as `(offset, slope)` over the profile's variance.

@@ -34,7 +34,7 @@ def scans() -> list[Scan]:
 @pytest.fixture(scope="session")
 def bags(tmp_path_factory: pytest.TempPathFactory, scans: list[Scan]) -> dict[str, Path]:
     """One recording of the same scans in each kind of bag."""
-    from wiclosure.pipeline.dataset_writer import write_ros1_bag, write_ros2_bag
+    from wiclosure.pipeline.data.dataset_writer import write_ros1_bag, write_ros2_bag
 
     folder = tmp_path_factory.mktemp("bags")
     paths = {"ros1": folder / "a.bag", "mcap": folder / "b_mcap", "sqlite3": folder / "c_sqlite3"}

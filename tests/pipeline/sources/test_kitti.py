@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.dataset_writer import write_kitti_folder
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.sources.folder import file_stamps
 from wiclosure.pipeline.sources.info import recording_info
 from wiclosure.pipeline.sources.open import open_source

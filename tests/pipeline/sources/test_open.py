@@ -11,7 +11,7 @@ import pytest
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.dataset_writer import write_kitti_folder
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.dataset import load_dataset
-from wiclosure.pipeline.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
+from wiclosure.pipeline.data.dataset import load_dataset
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 

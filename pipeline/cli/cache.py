@@ -1,0 +1,43 @@
+"""`wiclosure cache`: what earlier runs left for later ones."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+
+def cache(
+    clear: Annotated[bool, typer.Option("--clear", help="throw everything away")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+) -> None:
+    """Show or clear the stages that earlier runs left for later ones.
+
+    The environment says where they are kept (WICLOSURE_CACHE) and how large they may grow in all (WICLOSURE_CACHE_GB).
+    """
+    from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
+
+    kept = StageCache(default_cache_folder())
+    if clear:
+        kept.clear()
+    stock = kept.stock()
+    if as_json:
+        content = {"folder": str(kept.folder), "limit_bytes": kept.limit_bytes, "stages": [asdict(s) for s in stock]}
+        typer.echo(json.dumps(content, indent=2))
+        return
+    total = sum(stage.size_bytes for stage in stock)
+    table = Table(title=f"{kept.folder}: {_megabytes(total)} of at most {_megabytes(kept.limit_bytes)}")
+    table.add_column("stage")
+    table.add_column("entries", justify="right")
+    table.add_column("size", justify="right")
+    for stage in stock:
+        table.add_row(stage.stage, str(stage.entries), _megabytes(stage.size_bytes))
+    Console().print(table)
+
+
+def _megabytes(size_bytes: int) -> str:
+    return f"{size_bytes / 2**20:.1f} MB"

@@ -1,0 +1,94 @@
+"""The command line: which commands there are, and how errors end.  A command lives in its own module.
+
+Those modules import nothing heavy, so that `wiclosure --help` is quick; their functions do.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import Annotated, NoReturn, cast
+
+import typer
+
+from wiclosure import __version__
+from wiclosure.errors import WiclosureError
+from wiclosure.pipeline.cli import cache as cache_command
+from wiclosure.pipeline.cli import compare as compare_command
+from wiclosure.pipeline.cli import data as data_commands
+from wiclosure.pipeline.cli import optimize as optimize_command
+from wiclosure.pipeline.cli import reproduce as reproduce_command
+from wiclosure.pipeline.cli import run as commands
+from wiclosure.pipeline.cli import simulate as simulate_command
+
+app = typer.Typer(
+    name="wiclosure",
+    help="Multi-robot LiDAR SLAM that asks the radio where the robots' paths meet.\n\n"
+    "Start with [bold]wiclosure demo[/bold]: it needs no data.",
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+
+INTERRUPTED = 130
+"""What Typer makes of Ctrl-C, as shells do: 128 and the signal's number."""
+
+app.command("run")(commands.run)
+app.command("compare")(compare_command.compare)
+app.command("reproduce")(reproduce_command.reproduce)
+app.command("demo")(compare_command.demo)
+app.command("filter")(commands.filter_)
+app.command("optimize")(optimize_command.optimize)
+app.command("simulate")(simulate_command.simulate)
+app.command("split")(data_commands.split)
+app.command("eval")(commands.evaluate)
+app.command("info")(data_commands.info)
+app.command("dump-config")(commands.dump_config)
+app.command("cache")(cache_command.cache)
+
+
+def _version(show: bool) -> None:
+    if show:
+        typer.echo(f"wiclosure {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    """Options before the command."""
+
+
+def main() -> None:
+    """Entry point: known errors become one line and exit code 1."""
+    # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
+    usage_error: type[Exception] = typer.BadParameter.mro()[2]
+    # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left behind.
+    for ending in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        if signal.getsignal(ending) is signal.SIG_DFL:  # `nohup` has it ignored
+            signal.signal(ending, signal.default_int_handler)
+    try:
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
+    except usage_error as error:
+        _fail(f"{cast('typer.BadParameter', error).format_message()} (see wiclosure --help)")
+    except WiclosureError as error:
+        _fail(str(error))
+    except BrokenPipeError:  # `wiclosure ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except OSError as error:
+        _fail(f"{error.filename or 'a file'}: {error.strerror or error}")
+    if code == INTERRUPTED:
+        typer.echo("interrupted: nothing is written; finished odometry is kept, unless with --no-cache", err=True)
+    sys.exit(code)
+
+
+def _fail(message: str) -> NoReturn:
+    typer.echo(f"wiclosure: error: {' '.join(message.split())}", err=True)
+    sys.exit(1)

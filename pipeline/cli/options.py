@@ -1,0 +1,166 @@
+"""Options that several commands share: each is declared once, in a group, and a command takes whole groups.
+
+Light to import: `wiclosure --help` reads it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_type_hints
+
+import typer
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.config import Config
+    from wiclosure.pipeline.data.inputs import Inputs
+    from wiclosure.pipeline.runtime.cache import StageCache
+    from wiclosure.pipeline.runtime.progress import Progress
+
+Data = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="DATA...",
+        help="a dataset.yaml, recordings named alpha=PATH beta=PATH (bags, KITTI folders, folders of clouds), or"
+        " scenario:NAME",
+        show_default=False,
+    ),
+]
+FilterName = Annotated[
+    str | None,
+    typer.Option("--filter", "-f", help="wiclosure, none, range-gate, oracle, random", show_default=False),
+]
+ConfigName = Annotated[
+    str | None,
+    typer.Option("--config", "-c", help="YAML file or preset name (see dump-config)", show_default=False),
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="one setting, e.g. keyframes.distance_m=2; may be repeated", show_default=False),
+]
+NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
+Salvage = Annotated[bool, typer.Option("--salvage", help="use what can be read of damaged bags")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no table")]
+Json = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Where the results go."""
+
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="result folder [default: results/<time>]", show_default=False),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """What the pipeline is set to."""
+
+    config: ConfigName = None
+    set_: Set = None
+    seed: Annotated[int | None, typer.Option("--seed", help="seed of the random filter; nothing else is random")] = None
+
+    def resolved(self, *, preset: str | None = None, use_filter: str | None = None) -> Config:
+        """The configuration: the file, a preset laid over it, then single settings.
+
+        Raises:
+            ConfigError: see `wiclosure.pipeline.config.load_config`.
+        """
+        from wiclosure.pipeline.config import resolve
+
+        return resolve(self.config, self.set_, preset=preset, seed=self.seed, use_filter=use_filter)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How recordings are read."""
+
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", help="PointCloud2 topic; guessed when a bag has only one", show_default=False),
+    ] = None
+    wireless: Annotated[
+        list[Path] | None,
+        typer.Option("--wireless", "-w", help="wireless log (JSON Lines), besides those of the data set"),
+    ] = None
+    n_scans: Annotated[
+        int | None, typer.Option("-n", "--n-scans", min=1, help="read only so many scans of each robot")
+    ] = None
+    salvage: Salvage = False
+
+    def inputs(self, data: Sequence[str]) -> Inputs:
+        """The recordings and radio logs that `data` names."""
+        from wiclosure.pipeline.data.inputs import open_inputs
+
+        wireless = self.wireless or ()
+        return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
+
+
+@dataclass(frozen=True, slots=True)
+class Working:
+    """How the work is done and shown."""
+
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "-j",
+            "--jobs",
+            min=1,
+            help="processes: a robot each for odometry, more than robots also read ahead; then registrations",
+        ),
+    ] = 1
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage anew, and keep none")] = False
+    quiet: Quiet = False
+    as_json: Json = False
+
+    @property
+    def progress(self) -> Progress:
+        """Bars, unless quiet."""
+        from wiclosure.pipeline.runtime.progress import BarProgress, NoProgress
+
+        return NoProgress() if self.quiet else BarProgress()
+
+    @property
+    def cache(self) -> StageCache:
+        """Stages of earlier runs."""
+        from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
+
+        return StageCache(None if self.no_cache else default_cache_folder())
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """Gives a command one option for each field of the groups among its parameters, which is what Typer understands."""
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in hints.items() if isinstance(kind, type) and is_dataclass(kind)}
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        own = [(name, parameter.default, hints[name])]
+        parameters += [
+            inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            for option, default, kind in (_options(groups[name]) if name in groups else own)
+        ]
+
+    @wraps(command)
+    def called(**options: object) -> None:
+        taken = {
+            name: kind(**{option: options.pop(option) for option, _, _ in _options(kind)})
+            for name, kind in groups.items()
+        }
+        command(**options, **taken)
+
+    called.__annotations__ = {}
+    called.__dict__["__signature__"] = inspect.Signature(parameters)
+    return called
+
+
+def _options(group: type) -> list[tuple[str, object, object]]:
+    """Name, default and annotation of each field of a group."""
+    hints = get_type_hints(group, include_extras=True)
+    return [(field.name, field.default, hints[field.name]) for field in fields(group)]

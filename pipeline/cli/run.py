@@ -1,0 +1,164 @@
+"""Commands about one run: run, filter, eval, dump-config.  What is heavy is imported by the command that needs it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wiclosure.errors import ConfigError
+from wiclosure.pipeline.cli.options import (
+    ConfigName,
+    Configuration,
+    Data,
+    FilterName,
+    Json,
+    Overwrite,
+    Quiet,
+    Reading,
+    Result,
+    Set,
+    Working,
+    grouped,
+)
+
+
+@grouped
+def run(
+    data: Data,
+    *,
+    filter_name: FilterName = None,
+    result: Result,
+    configuration: Configuration,
+    reading: Reading,
+    working: Working,
+    visualise: Annotated[
+        bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")
+    ] = False,
+) -> None:
+    """Merge the recordings of several robots into one map.
+
+    Odometry and scan contexts, candidate filter, registration, consistency check, one pose graph, one map.
+
+    For example:
+
+      wiclosure run dataset.yaml
+
+      wiclosure run alpha=a.bag beta=b_bag/ --wireless radio.jsonl --filter none --out results/unfiltered
+    """
+    from rich.console import Console
+
+    from wiclosure.pipeline.cli.result_folder import result_folder
+    from wiclosure.pipeline.report import illustrations, tables
+    from wiclosure.pipeline.stages import run as running
+    from wiclosure.pipeline.stages import run_folder
+
+    if visualise:
+        require_screen()
+    config = configuration.resolved(use_filter=filter_name)
+    with result_folder(result, data) as (folder, scratch):
+        inputs = reading.inputs(data)
+        chosen = running.candidate_filter(config.use_filter, inputs, config)
+        prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
+        found = running.run(prepared, chosen, progress=working.progress)
+        run_folder.write_run(scratch, found)
+        illustrations.illustrate_run(scratch, found)
+    if working.as_json:
+        typer.echo(json.dumps(found.metrics, indent=2))
+    elif not working.quiet:
+        Console().print(tables.run_table(found.metrics))
+        Console().print(f"results in {folder}")
+    if visualise:
+        show_map(folder / "map.ply")
+
+
+def filter_(
+    trajectory: Annotated[
+        list[str],
+        typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
+    ],
+    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
+    summary: Annotated[
+        Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="folder for pictures of what the filter did", show_default=False)
+    ] = None,
+    filter_name: FilterName = None,
+    config: ConfigName = None,
+    set_: Set = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
+
+    For example:
+
+      wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
+    """
+    from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.stages import filtering
+
+    filtering.filter_candidates(
+        trajectory,
+        wireless,
+        config=resolve(config, set_, use_filter=filter_name),
+        outputs=filtering.Outputs(out, summary, plot, overwrite=overwrite),
+        quiet=quiet,
+        as_json=as_json,
+    )
+
+
+def evaluate(
+    folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
+    as_json: Json = False,
+) -> None:
+    """Compare a finished run with ground truth again: joint ATE, ATE a robot, RPE, inter-robot transforms."""
+    from rich.console import Console
+
+    from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories
+    from wiclosure.pipeline.report.tables import trajectory_table
+    from wiclosure.pipeline.stages.run_folder import read_evaluation_settings, read_metrics, read_trajectories
+
+    components = [component["robots"] for component in read_metrics(folder)["components"]]
+    settings = read_evaluation_settings(folder)
+    merged, truth = read_trajectories(folder)
+    errors = evaluate_trajectories(merged, components, truth, settings)
+    if as_json:
+        typer.echo(json.dumps(errors, indent=2))
+    else:
+        Console().print(trajectory_table(errors))
+
+
+def dump_config(
+    config: ConfigName = None,
+    set_: Set = None,
+    presets: Annotated[bool, typer.Option("--presets", help="list the names of the presets instead")] = False,
+) -> None:
+    """Print the resolved configuration as YAML, every key with its unit and meaning."""
+    from wiclosure.pipeline import config as configuration
+
+    known = "\n".join(configuration.preset_names())
+    typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
+
+
+def require_screen() -> None:
+    """Fails where no window can be opened.
+
+    Raises:
+        ConfigError: there is no screen.
+    """
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ConfigError("there is no screen for --visualize; leave it out, and open the result's map.ply elsewhere")
+
+
+def show_map(path: Path) -> None:
+    """A window with the merged map."""
+    import open3d as o3d
+
+    o3d.visualization.draw_geometries([o3d.io.read_point_cloud(path)], window_name=str(path))

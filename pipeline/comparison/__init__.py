@@ -1,0 +1,1 @@
+"""Arms of a comparison, their statistics and tables, and the paper's experiments."""

@@ -1,0 +1,211 @@
+"""A data set: the recordings of several robots, their ground truth, and what they heard of each other by radio."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from wiclosure.errors import ConfigError, InputError
+from wiclosure.formats.wireless_log import read_wireless_log
+from wiclosure.interfaces import ScanSource
+from wiclosure.pipeline.data.dataset_file import DATASET_FILE, near_match, read_dataset_file
+from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
+from wiclosure.pipeline.data.recorded_odometry import recorded_odometry
+from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.open import open_source
+from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
+from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasurement
+
+logger = logging.getLogger(__name__)
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_RESERVED = frozenset({"team"})  # a key beside the robots' names in metrics.json
+_FILES_BESIDE = ("_odometry", "_ground_truth")  # a run folder holds NAME.tum and, of each robot, NAME_odometry.tum ...
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """What a run reads.
+
+    Args:
+        robots: recordings by name of the robot, in order.
+        wireless: wireless logs (JSON Lines), or bags with wireless topics, besides those in the robots' own bags.
+        origin: the file that describes the data set, or None.
+
+    Raises:
+        InputError: no robots, a name that cannot be part of a file name, or two whose files would have one name.
+    """
+
+    robots: Mapping[str, RobotRecording]
+    wireless: tuple[Path, ...] = ()
+    origin: Path | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.robots:
+            raise InputError(f"{self.origin or 'the data set'} names no robots; give at least one")
+        for robot in self.robots:
+            if not _NAME.fullmatch(robot) or robot in _RESERVED:
+                raise InputError(
+                    f"robot name {robot!r} cannot be used; take letters, digits, '_', '-' and '.', and not 'team'"
+                )
+            if taken := [robot + ending for ending in _FILES_BESIDE if robot + ending in self.robots]:
+                raise InputError(
+                    f"robot names {robot!r} and {taken[0]!r} cannot stand together, for both would have a file"
+                    f" {taken[0]}.tum in the run's folder; rename one of them"
+                )
+
+    def scans(self, robot: str, *, limit: int | None = None, salvage: bool = False) -> ScanSource:
+        """The robot's recording, its clock set right.
+
+        Raises:
+            InputError: see `wiclosure.pipeline.sources.open.open_source`; names the robot as well.
+        """
+        recording = self.robots[robot]
+        try:
+            return open_source(
+                recording.scans,
+                topic=recording.topic,
+                limit=limit,
+                salvage=salvage,
+                time_offset=recording.time_offset,
+            )
+        except InputError as error:
+            raise InputError(f"robot {robot}: {error}") from error
+
+    def ground_truth(self, robot: str, *, salvage: bool = False) -> Trajectory | None:
+        """`T_world_body` of the robot, its clock set right, or None where nobody knows it.
+
+        From the robot's TUM file, or from `poses.txt` of a KITTI folder.
+
+        Raises:
+            InputError: the file is malformed, or does not overlap in time with the scans.
+        """
+        recording = self.robots[robot]
+        trajectory = recorded_ground_truth(robot, recording, salvage=salvage)
+        if trajectory is None:
+            return None
+        stamps_ns = trajectory.stamps_ns + recording.time_offset_ns
+        return Trajectory(robot, stamps_ns, trajectory.poses, trajectory.drift)
+
+    def odometry(self, robot: str, *, salvage: bool = False) -> Trajectory | None:
+        """`T_odom_lidar` that the robot brings along, its clock set right, or None where KISS-ICP is to find it.
+
+        Raises:
+            InputError: the file or topic cannot be read; names the robot as well.
+        """
+        recording = self.robots[robot]
+        try:
+            trajectory = recorded_odometry(robot, recording, salvage=salvage)
+        except InputError as error:
+            raise InputError(f"robot {robot}: {error}") from error
+        if trajectory is None:
+            return None
+        return Trajectory(robot, trajectory.stamps_ns + recording.time_offset_ns, trajectory.poses)
+
+    def wireless_log(self, *, salvage: bool = False) -> WirelessLog:
+        """All measurements and headings of all logs and bags, each once, all clocks set right.
+
+        Raises:
+            InputError: a log or bag cannot be read, or mentions a robot that the data set does not have.
+        """
+        records = WirelessLog()
+        for path in self.wireless:
+            log = read_wireless_topics(path, salvage=salvage) if bag_kind(path) else read_wireless_log(path)
+            records += self._known(log, path)
+        for robot, recording in self.robots.items():
+            if bag_kind(recording.scans):
+                links = {topic: (robot, transmitter) for topic, transmitter in recording.ranges.items()}
+                log = read_wireless_topics(recording.scans, range_topics=links, salvage=salvage)
+                records += self._known(log, recording.scans)
+        return self._in_common_time(_each_once(records))
+
+    def _known(self, log: WirelessLog, path: Path) -> WirelessLog:
+        for robot in sorted(log.robots() - set(self.robots)):
+            raise InputError(
+                f"{path} mentions the robot {robot!r}, but the data set has {', '.join(self.robots)};"
+                f" {near_match(robot, self.robots)}add its recording, or name the robots alike"
+            )
+        return log
+
+    def _in_common_time(self, log: WirelessLog) -> WirelessLog:
+        """Stamps of each robot moved by its time offset; in order of time again."""
+        offset_ns = {robot: recording.time_offset_ns for robot, recording in self.robots.items()}
+        if not any(offset_ns.values()):
+            return log
+        measurements = tuple(
+            replace(
+                m,
+                stamp_ns=m.stamp_ns + offset_ns[m.receiver],
+                transmitter_stamp_ns=None
+                if m.transmitter_stamp_ns is None
+                else m.transmitter_stamp_ns + offset_ns[m.transmitter],
+            )
+            for m in log.measurements
+        )
+        headings = tuple(replace(h, stamp_ns=h.stamp_ns + offset_ns[h.robot]) for h in log.headings)
+        return WirelessLog() + WirelessLog(measurements, headings)
+
+
+def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Iterable[Path] = ()) -> Dataset:
+    """The data set that the user names on the command line.
+
+    Args:
+        args: one `dataset.yaml` (or its folder), or recordings as `alpha=path`; a path alone is named by its file name.
+        topic: PointCloud2 topic of all bags, whatever the file states.
+        wireless: wireless logs besides those of the file.
+
+    Raises:
+        InputError: something is missing, unknown, or named twice; one line that names it.
+    """
+    if not args:
+        raise ConfigError(f"no data given; name a {DATASET_FILE}, or recordings as alpha=PATH beta=PATH")
+    if len(args) == 1 and (file := _dataset_file(args[0])):
+        robots, logs = read_dataset_file(file)
+        origin: Path | None = file
+    else:
+        robots, logs, origin = _named_recordings(args), (), None
+    extra = tuple(Path(path) for path in wireless)
+    for path in extra:
+        if not path.exists():
+            raise InputError(f"wireless log {path} does not exist; check the path")
+    if topic is not None:
+        robots = {robot: replace(r, topic=topic) for robot, r in robots.items()}
+    return Dataset(robots, (*logs, *extra), origin)
+
+
+def _dataset_file(argument: str) -> Path | None:
+    """The file, where the argument names one or its folder."""
+    path = Path(argument).expanduser()
+    if path.suffix.lower() in {".yaml", ".yml"}:
+        return path
+    return path / DATASET_FILE if (path / DATASET_FILE).is_file() else None
+
+
+def _named_recordings(args: Sequence[str]) -> dict[str, RobotRecording]:
+    robots: dict[str, RobotRecording] = {}
+    for argument in args:
+        name, equals, value = argument.partition("=")
+        path = Path(value if equals else argument).expanduser()
+        robot = name if equals else path.resolve().name.split(".", maxsplit=1)[0]
+        if not path.exists():
+            raise InputError(f"recording {path} of robot {robot} does not exist; check the path")
+        if path.is_file() and path.suffix.lower() in {".yaml", ".yml"}:
+            raise InputError(f"{path} stands beside other data; name one {DATASET_FILE}, or recordings only")
+        if robot in robots:
+            raise InputError(f"two robots are named {robot}; name them apart, as alpha=PATH beta=PATH")
+        robots[robot] = RobotRecording(path)
+    return robots
+
+
+def _each_once(log: WirelessLog) -> WirelessLog:
+    """Without repetitions: a log may be there as a file and as topics, in the bags of both robots."""
+    measurements: tuple[WirelessMeasurement, ...] = tuple(dict.fromkeys(log.measurements))
+    headings: tuple[Heading, ...] = tuple(dict.fromkeys(log.headings))
+    repeated = len(log.measurements) + len(log.headings) - len(measurements) - len(headings)
+    if repeated:
+        logger.info("%d wireless records are in several logs or bags and count once", repeated)
+    return WirelessLog(measurements, headings)

@@ -1,0 +1,90 @@
+"""Writes a simulated scenario as a user would bring it: recordings, wireless log, ground truth, `dataset.yaml`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from wiclosure.errors import ConfigError
+from wiclosure.formats.tum import write_tum
+from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.pipeline.data.dataset import Dataset
+from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
+from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
+from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.simulation.scenario import Scenario
+from wiclosure.types import Scan, WirelessLog
+
+Recorder: TypeAlias = Callable[[Path, Iterable[Scan], WirelessLog], Path]
+
+
+def _ros1(stem: Path, scans: Iterable[Scan], wireless: WirelessLog) -> Path:
+    write_ros1_bag(stem.with_suffix(".bag"), scans, wireless=wireless)
+    return stem.with_suffix(".bag")
+
+
+def _ros2_mcap(stem: Path, scans: Iterable[Scan], wireless: WirelessLog) -> Path:
+    write_ros2_bag(stem, scans, storage="mcap", wireless=wireless)
+    return stem
+
+
+def _ros2_sqlite3(stem: Path, scans: Iterable[Scan], wireless: WirelessLog) -> Path:
+    write_ros2_bag(stem, scans, storage="sqlite3", wireless=wireless)
+    return stem
+
+
+def _kitti(stem: Path, scans: Iterable[Scan], wireless: WirelessLog) -> Path:
+    write_kitti_folder(stem, scans)
+    return stem
+
+
+RECORDERS: dict[str, Recorder] = {
+    "ros1": _ros1,
+    "ros2-mcap": _ros2_mcap,
+    "ros2-sqlite3": _ros2_sqlite3,
+    "kitti": _kitti,
+}
+
+
+def require_format(name: str) -> None:
+    """Fails where there is no recording format of that name.
+
+    Raises:
+        ConfigError: names those that there are.
+    """
+    if name not in RECORDERS:
+        raise ConfigError(f"unknown recording format {name!r}; choose one of {', '.join(RECORDERS)}")
+
+
+def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str], *, progress: Progress) -> Path:
+    """Writes everything into an existing folder; the wireless records are in the log, and in bags as topics too.
+
+    Args:
+        scenario: the world.
+        folder: where the files go.
+        formats: name of the recording format by robot; see `RECORDERS`.
+        progress: shows how far it is.
+
+    Returns:
+        The `dataset.yaml`.
+
+    Raises:
+        ConfigError: an unknown format.
+        OutputError: a file cannot be written.
+    """
+    for name in formats.values():
+        require_format(name)
+    wireless = scenario.wireless()
+    robots = {}
+    for robot in scenario.robots:
+        source = scenario.scan_source(robot)
+        scans = progress.track(source, f"simulating {robot}", len(source))
+        recording = RECORDERS[formats[robot]](folder / robot, scans, wireless)
+        ground_truth = folder / f"{robot}_gt.tum"
+        write_tum(ground_truth, scenario.ground_truth(robot))
+        robots[robot] = RobotRecording(recording, ground_truth=ground_truth)
+    write_wireless_log(folder / WIRELESS_FILE, wireless)
+    write_dataset(folder / DATASET_FILE, Dataset(robots, (folder / WIRELESS_FILE,)))
+    return folder / DATASET_FILE

@@ -1,0 +1,148 @@
+"""How good a run was, against ground truth where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from wiclosure.pipeline.evaluation.body_axes import OrientedTruth, in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import ClosureJudge, candidate_metrics, closure_metrics
+from wiclosure.pipeline.evaluation.funnel import funnel
+from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.evaluation.trajectories import odometry_errors, trajectory_metrics
+from wiclosure.settings import Settings
+from wiclosure.types import Closure, FilterResult, Trajectory
+
+
+class EvaluationSettings(Settings):
+    """What counts as true."""
+
+    overlap_radius_m: float = Field(
+        35.0, gt=0, description="m; keyframes nearer than this see a common place (the paper's radius): `candidates`"
+    )
+    registrable_radius_m: float = Field(
+        10.0, gt=0, description="m; keyframes nearer than this can be registered reliably: `candidates_registrable`"
+    )
+    closure_error_m: float = Field(
+        2.0,
+        gt=0,
+        description="m; an accepted closure further off ground truth is false. Ground truth itself is good to a metre"
+        " or so (GNSS, or two passes through one place), false closures are off by tens",
+    )
+    closure_error_deg: float = Field(
+        5.0, gt=0, description="degrees; an accepted closure turned further from ground truth is false"
+    )
+    ground_truth_gap_s: float = Field(
+        1.0, gt=0, description="s; a pose is compared only if ground truth has stamps this near on both sides"
+    )
+    rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
+
+    def judge(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> ClosureJudge:
+        """Tells which closures between these keyframes are true."""
+        return ClosureJudge(
+            keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a run found, as far as ground truth can judge it.
+
+    Args:
+        filtered: what the candidate filter kept.
+        registered: every proposed closure as registration left it.
+        verified: the same closures as the filter's check of their poses left them.
+        consistent: the same closures as PCM left them.
+        closures: the same closures as the graph left them.
+        components: robots that accepted closures connect.
+        keyframes: keyframe odometry by robot; candidates and closures refer to its indices.
+        odometry: odometry by robot, of keyframes or of all scans.
+        merged: `T_world_body` by robot, of keyframes or of all scans.
+    """
+
+    filtered: FilterResult
+    registered: Sequence[Closure]
+    verified: Sequence[Closure]
+    consistent: Sequence[Closure]
+    closures: Sequence[Closure]
+    components: Sequence[Sequence[str]]
+    keyframes: Mapping[str, Trajectory]
+    odometry: Mapping[str, Trajectory]
+    merged: Mapping[str, Trajectory]
+
+
+def evaluate(
+    found: Findings,
+    truth: Mapping[str, Trajectory],
+    settings: EvaluationSettings,
+    *,
+    costs: CostMetrics,
+    diagnosis: Sequence[str] = (),
+) -> Metrics:
+    """All of `metrics.json`.
+
+    Args:
+        found: what is judged.
+        truth: ground truth by robot, all in one world; robots may be missing, and it may be empty.
+        settings: what counts as true.
+        costs: what the run took.
+        diagnosis: sentences so far; those of the evaluation are added.
+    """
+    gap_s = settings.ground_truth_gap_s
+    oriented = in_lidar_axes(found.merged, truth, gap_s)
+    judge = settings.judge(found.keyframes, oriented)
+    candidates, registrable = (
+        candidate_metrics(found.filtered.pairs, found.keyframes, truth, radius_m=radius_m, gap_s=gap_s)
+        for radius_m in (settings.overlap_radius_m, settings.registrable_radius_m)
+    )
+    trajectories = trajectory_metrics(
+        found.merged,
+        found.components,
+        oriented,
+        gap_s=gap_s,
+        rpe_distance_m=settings.rpe_distance_m,
+        alignments=found.filtered.alignments,
+    )
+    return {
+        "filter": found.filtered.filter_name,
+        "pairs_total": found.filtered.pairs_total,
+        "pairs_kept": found.filtered.pairs_kept,
+        "candidates": candidates,
+        "candidates_registrable": registrable,
+        "closures": closure_metrics(found.verified, found.closures, judge),
+        "funnel": funnel(
+            candidates,
+            found.filtered,
+            registered=found.registered,
+            verified=found.verified,
+            consistent=found.consistent,
+            final=found.closures,
+            truth=truth,
+            judge=judge,
+        ),
+        "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
+        **trajectories,
+        **costs,
+        "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
+    }
+
+
+def evaluate_trajectories(
+    merged: Mapping[str, Trajectory],
+    components: Sequence[Sequence[str]],
+    truth: Mapping[str, Trajectory],
+    settings: EvaluationSettings,
+) -> TrajectoryMetrics:
+    """The part of the metrics that needs nothing but merged trajectories and ground truth.
+
+    Args:
+        merged: `T_world_body` by robot.
+        components: robots that accepted closures connect.
+        truth: ground truth by robot, as far as there is any.
+        settings: how ground truth is used.
+    """
+    gap_s = settings.ground_truth_gap_s
+    oriented = in_lidar_axes(merged, truth, gap_s)
+    return trajectory_metrics(merged, components, oriented, gap_s=gap_s, rpe_distance_m=settings.rpe_distance_m)

@@ -1,0 +1,137 @@
+"""Figures of one run, filter or recording as tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from rich.markup import escape
+from rich.table import Table
+
+from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
+from wiclosure.types import FilterResult
+
+UNKNOWN = "-"
+
+
+def run_table(metrics: Metrics) -> Table:
+    """One run on one screen, stage after stage, and below it what the user should know."""
+    table = _two_columns(f"run with filter: {metrics['filter']}")
+    table.add_row("candidate pairs", _of(metrics["pairs_kept"], metrics["pairs_total"], "kept"))
+    for found in (metrics["candidates"], metrics["candidates_registrable"]):
+        table.add_row(f"  within {found['radius_m']:g} m", _candidates(found))
+    closures = metrics["closures"]
+    table.add_row(
+        "closures", f"{closures['proposed']} proposed, {closures['verified']} verified, {closures['accepted']} accepted"
+    )
+    if closures["accepted_true"] is not None:
+        table.add_row("  by ground truth", f"{closures['accepted_true']} true, {closures['accepted_false']} false")
+    table.add_section()
+    _add_errors(table, metrics)
+    table.add_section()
+    table.add_row("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in metrics["seconds"].items()))
+    if metrics["bytes_exchanged"] is not None:
+        table.add_row("exchanged", f"{metrics['bytes_exchanged'] / 1e6:.2f} MB")
+    if metrics["peak_rss_mb"] is not None:
+        table.add_row("peak memory", f"{metrics['peak_rss_mb']:.0f} MB (the largest process)")
+    _add_remarks(table, metrics["diagnosis"])
+    return table
+
+
+def trajectory_table(metrics: TrajectoryMetrics) -> Table:
+    """Errors of merged trajectories."""
+    table = _two_columns("trajectories against ground truth")
+    _add_errors(table, metrics)
+    _add_remarks(table, metrics["diagnosis"])
+    return table
+
+
+def filter_table(result: FilterResult) -> Table:
+    """What a candidate filter kept, and how the radio places the robots."""
+    table = _two_columns(f"filter: {result.filter_name}")
+    table.add_row("candidate pairs", _of(result.pairs_kept, result.pairs_total, "kept"))
+    for pairs in result.pairs:
+        table.add_row(f"  {pairs.robot_a}-{pairs.robot_b}", f"{len(pairs):,}")
+    for found in result.alignments:
+        certain = "not certain" if found.ambiguous else "certain"
+        table.add_row(f"{found.robot_a}-{found.robot_b}", f"alignment {certain}: {found.reason}")
+    table.add_row("seconds", f"{result.seconds:.2f}")
+    _add_remarks(table, result.diagnosis)
+    return table
+
+
+def recording_table(found: RecordingInfo) -> Table:
+    """What is in a recording."""
+    table = _two_columns(escape(str(found.path)))
+    table.add_row("kind", found.kind)
+    if found.start_ns is not None:
+        start = datetime.fromtimestamp(found.start_ns / 1e9, tz=UTC)
+        table.add_row("start", f"{start:%Y-%m-%d %H:%M:%S} UTC ({found.start_ns / 1e9:.3f} s)")
+    table.add_row("length", f"{found.duration_s:.1f} s, {found.count:,} {'messages' if found.topics else 'scans'}")
+    table.add_row("size", f"{found.bytes_on_disk / 1e6:.1f} MB")
+    for topic in found.topics:
+        table.add_row(escape(topic.name), f"{topic.count:,} x {topic.msgtype}")
+        if topic.first_cloud is not None:
+            table.add_row("", escape(_cloud(topic.first_cloud)))
+    _add_remarks(table, found.notes)
+    return table
+
+
+# -------------------------------------------------------------------------------------------------------------- parts
+def _two_columns(title: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", show_header=False)
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    return table
+
+
+def _add_errors(table: Table, metrics: TrajectoryMetrics) -> None:
+    team, horizontal = metrics["ate_m"]["team"], _metres(metrics["ate_horizontal_m"]["team"])
+    explained = f"[bold]{_metres(team)}[/bold], {horizontal} without heights (one alignment for all robots)"
+    table.add_row("team ATE", UNKNOWN if team is None else explained)
+    for robot, own in metrics["ate_own_m"].items():
+        together = _metres(metrics["ate_m"][robot])
+        table.add_row(escape(f"  {robot}"), f"{together} with the team, {_metres(own)} aligned on its own")
+    for robot, relative in metrics["rpe"].items():
+        if relative["translation_percent"] is not None:
+            over = f"{relative['translation_percent']:.2f} % and {relative['rotation_deg']:.2f}°"
+            table.add_row(escape(f"  {robot} drift"), f"{over} over {relative['distance_m']:g} m")
+    for pair, alignment in metrics["alignment"].items():
+        metres, degrees = alignment["translation_error_m"], alignment["rotation_error_deg"]
+        if metres is not None and degrees is not None:
+            table.add_row(escape(f"  {pair}"), f"{metres:.3f} m and {degrees:.2f}° off relative to each other")
+
+
+def _add_remarks(table: Table, sentences: Sequence[str]) -> None:
+    if sentences:
+        table.add_section()
+    for n, sentence in enumerate(sentences):
+        table.add_row("remarks" if n == 0 else "", escape(sentence))
+
+
+def _candidates(found: CandidateMetrics) -> str:
+    if found["true"] is None:
+        return UNKNOWN
+    recall, precision = _percent(found["recall"]), _percent(found["precision"])
+    return f"{recall} of {found['true']:,} true pairs kept, {precision} of kept are true"
+
+
+def _of(part: int, whole: int, word: str) -> str:
+    share = f" ({part / whole:.2%})" if whole else ""
+    return f"{part:,} of {whole:,} {word}{share}"
+
+
+def _percent(share: float | None) -> str:
+    return UNKNOWN if share is None else f"{share:.1%}"
+
+
+def _metres(value: float | None) -> str:
+    return UNKNOWN if value is None else f"{value:.3f} m"
+
+
+def _cloud(cloud: CloudInfo) -> str:
+    fields = " ".join(field.name for field in cloud.fields)
+    times = "" if cloud.times is None else f", times from {cloud.times[0]:.3f} to {cloud.times[1]:.3f} s"
+    points = f"{cloud.returns:,} returns in {cloud.height} x {cloud.width} points"
+    return f"first cloud: {points}, {cloud.point_step} bytes each: {fields}; frame {cloud.frame_id!r}{times}"

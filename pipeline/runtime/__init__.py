@@ -1,0 +1,1 @@
+"""What stages stand on: cache, processes, progress, output that is whole or absent, log."""

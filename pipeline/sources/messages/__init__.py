@@ -1,0 +1,1 @@
+"""ROS messages of the sources: decoded and encoded."""

@@ -1,0 +1,56 @@
+"""ROS message types: which rosbags type store reads and writes what."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import MessageDefinition
+    from rosbags.typesys.store import Typestore
+
+Encoding: TypeAlias = Literal["ros1", "cdr"]
+
+
+@cache
+def typestore(encoding: Encoding) -> Typestore:
+    """The message types of ROS 1 (`ros1`) or ROS 2 (`cdr`), ours included."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
+    for msgtype, definition in DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, msgtype))
+    return store
+
+
+@cache
+def recorded_typestore(encoding: Encoding, msgtype: str, definition: MessageDefinition) -> Typestore:
+    """The types by which a bag's own messages are read: its definition where it has one, else the usual one.
+
+    Definitions differ between ROS versions (`sensor_msgs/Range` has gained a field); that of PointCloud2 never has, and
+    is not parsed.
+    """
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+    if msgtype == POINT_CLOUD_TYPE or definition.format != MessageDefinitionFormat.MSG:
+        return typestore(encoding)
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(definition.data, msgtype))
+    except TypesysError:
+        return typestore(encoding)
+    return store
+
+
+def deserialize(store: Typestore, encoding: Encoding, raw: bytes, msgtype: str) -> object:
+    """The message in `raw`."""
+    return store.deserialize_ros1(raw, msgtype) if encoding == "ros1" else store.deserialize_cdr(raw, msgtype)
+
+
+def serialize(store: Typestore, encoding: Encoding, message: object, msgtype: str) -> memoryview:
+    """The bytes of a message."""
+    return store.serialize_ros1(message, msgtype) if encoding == "ros1" else store.serialize_cdr(message, msgtype)

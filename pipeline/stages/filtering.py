@@ -1,0 +1,135 @@
+"""`wiclosure filter`: candidate pairs from trajectories and radio alone, for other pipelines."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from wiclosure.errors import ConfigError, InputError, OutputError
+from wiclosure.formats.candidates_csv import write_candidates
+from wiclosure.formats.filter_summary import filter_summary
+from wiclosure.formats.tum import read_tum
+from wiclosure.formats.wireless_log import read_wireless_log
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.runtime.log import warnings_on_terminal
+from wiclosure.pipeline.runtime.output import whole_file, whole_folder
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
+from wiclosure.types import Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.registry import make_filter
+
+logger = logging.getLogger(__name__)
+
+MANY_PAIRS = 5_000_000
+"""From here on writing takes long enough to say so: some 20 s and 400 MB."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Files to write; None: not wanted."""
+
+    candidates: Path | None = None
+    summary: Path | None = None
+    pictures: Path | None = None
+    overwrite: bool = False
+
+    def require_free(self) -> None:
+        """Fails before any work where a file would be replaced unasked.
+
+        Raises:
+            OutputError: it exists.
+        """
+        if self.candidates is not None and self.candidates == self.summary:
+            raise OutputError(f"{self.summary} is named for the candidates and for the summary; name two files")
+        for path in (self.candidates, self.summary, self.pictures):
+            if path is not None and path.exists() and not self.overwrite:
+                raise OutputError(f"{path} exists already; choose another name, or replace it with --overwrite")
+
+
+def filter_candidates(
+    trajectories: Sequence[str],
+    logs: Sequence[Path],
+    *,
+    config: Config,
+    outputs: Outputs,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Reads, filters, writes.
+
+    Args:
+        trajectories: `name=file` words; pair indices refer to the rows of the files.
+        logs: wireless logs.
+        config: settings; `use_filter` names the filter.
+        outputs: files to write.
+        quiet: print nothing.
+        as_json: print the summary as JSON instead of a table.
+
+    Raises:
+        InputError: a file is missing or malformed, or the log mentions a robot without a trajectory.
+        ConfigError: fewer than two robots.
+        OutputError: a file exists or cannot be written.
+    """
+    outputs.require_free()
+    with warnings_on_terminal():
+        robots = _read_trajectories(trajectories, config)
+        wireless = _read_logs(logs, robots)
+        result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
+        summary = filter_summary(result)
+        if outputs.candidates is not None:
+            if result.pairs_kept > MANY_PAIRS:
+                logger.warning(
+                    "%s pairs are written to %s; thin the trajectories to keyframes, a metre or two apart, for fewer",
+                    f"{result.pairs_kept:,}",
+                    outputs.candidates,
+                )
+            with whole_file(outputs.candidates) as scratch:
+                write_candidates(scratch, result.pairs, robots)
+    if outputs.summary is not None:
+        with whole_file(outputs.summary) as scratch:
+            scratch.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    if outputs.pictures is not None:
+        from wiclosure.wiclosure_filter.plot import save_pictures
+
+        with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
+            save_pictures(result, robots, wireless, config.filter, scratch)
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
+    elif not quiet:
+        from rich.console import Console
+
+        from wiclosure.pipeline.report.tables import filter_table
+
+        Console().print(filter_table(result))
+
+
+def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajectory]:
+    robots: dict[str, Trajectory] = {}
+    for word in words:
+        robot, equals, path = word.partition("=")
+        if not (robot and equals and path):
+            raise ConfigError(f"--trajectory {word}: expected NAME=FILE, for example alpha=alpha.tum")
+        if robot in robots:
+            raise ConfigError(f"--trajectory names {robot} twice; give each robot a name of its own")
+        robots[robot] = read_tum(path, robot, config.drift)
+    if len(robots) < 2:
+        raise ConfigError("one trajectory only: there is nothing to compare; give --trajectory for each robot")
+    return robots
+
+
+def _read_logs(paths: Sequence[Path], robots: dict[str, Trajectory]) -> WirelessLog:
+    log = WirelessLog()
+    for path in paths:
+        read = read_wireless_topics(path) if path.exists() and bag_kind(path) else read_wireless_log(path)
+        if unknown := sorted(read.robots() - set(robots)):
+            raise InputError(
+                f"{path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"
+                f" add --trajectory {unknown[0]}=FILE, or name the robots alike"
+            )
+        log += read
+    return log

@@ -1,0 +1,184 @@
+"""The first stage of a run: every robot goes through its own scans, before it meets others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import nullcontext
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.queues import SimpleQueue
+from typing import TypeAlias
+
+from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
+from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.data.inputs import RobotInput
+from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
+from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.stages.reading_ahead import read_ahead
+from wiclosure.types import Scan
+
+Shown: TypeAlias = Callable[[str, int], None]
+"""Takes a robot's name and how many of its scans are done."""
+
+_REPORT_S = 0.1
+
+
+def front_ends(
+    robots: Sequence[RobotInput],
+    config: Config,
+    *,
+    cache: StageCache,
+    jobs: int,
+    progress: Progress,
+    also: Sequence[Config] = (),
+) -> tuple[dict[str, FrontEndResult], tuple[str, ...]]:
+    """Odometry, keyframes and descriptors of every robot, and the names of those whose odometry was in the cache.
+
+    Args:
+        robots: the recordings.
+        config: settings.
+        cache: results of earlier runs.
+        jobs: processes; each works on one robot at a time, and on one core.  Those beyond the number of robots read
+            ahead, for a robot each.  Results are the same for any number.
+        progress: shows how far it is.
+        also: configurations that will be asked for next; where only their keyframes differ, one odometry serves all,
+            and the cache keeps what it gave.
+
+    Raises:
+        InputError: a recording cannot be read, or has no usable scan.
+    """
+    spare = max(0, jobs - len(robots))
+    work = [_Work(robot, (config, *also), cache, ahead=number < spare) for number, robot in enumerate(robots)]
+    with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as shown:
+        if jobs > 1 and len(robots) > 1:
+            done = _in_processes(work, min(jobs, len(robots)), shown)
+        else:
+            done = [one.front_end(shown) for one in work]
+    reused = tuple(result.robot for result, from_cache in done if from_cache)
+    return {result.robot: result for result, _ in done}, reused
+
+
+def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
+    """Sentences on the scans that the front end could not use."""
+    counts = result.counts
+    sentences = []
+    if counts.sparse:
+        sentences.append(f"{counts.sparse} of {counts.scans} scans have too few points in range and were skipped")
+    if counts.late:
+        sentences.append(f"{counts.late} of {counts.scans} scans have stamps that repeat or go back and were skipped")
+    if counts.outside:
+        sentences.append(f"{counts.outside} of {counts.scans} scans lie outside the recorded odometry and were skipped")
+    if robot.salvaged:
+        sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
+    if counts.scans < len(robot.scans):
+        sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
+    return tuple(f"{robot.robot}: {sentence}" for sentence in sentences)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """One robot's front end.
+
+    Args:
+        robot: the recording.
+        configs: settings; the cache keeps what those after the first will need.
+        cache: results of earlier runs.
+        ahead: whether another process reads the scans.
+    """
+
+    robot: RobotInput
+    configs: Sequence[Config]
+    cache: StageCache
+    ahead: bool
+
+    def front_end(self, shown: Shown) -> tuple[FrontEndResult, bool]:
+        """The result, and whether its odometry was in the cache.
+
+        Each stage depends on what it uses, and on no other setting: another descriptor needs no new odometry.
+        """
+        config = self.configs[0]
+        odometry = _of_odometry(self.robot, config)
+        went, from_cache = self.cache.reuse(
+            "odometry",
+            odometry,
+            load=OdometryResult.load,
+            save=OdometryResult.save,
+            compute=lambda: self._odometry(shown),
+        )
+        described, _ = self.cache.reuse(
+            "descriptors",
+            [odometry, config.scan_context.model_dump()],
+            load=Descriptors.load,
+            save=Descriptors.save,
+            compute=lambda: describe_all(went.clouds, config.scan_context),
+        )
+        return FrontEndResult.of(self.robot.robot, config.drift, went, described), from_cache
+
+    def _odometry(self, shown: Shown) -> OdometryResult:
+        """By the first configuration; the cache takes what the others with the same odometry will need."""
+        config, robot = self.configs[0], self.robot
+        recorded = robot.odometry if config.odometry.source == "recorded" else None
+        others = [
+            c
+            for c in self.configs[1:]
+            if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
+        ]
+        run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
+        with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
+            run.process_all(_reported(scans, robot.robot, shown))
+        result, *further = run.results()
+        for other, found in zip(others, further, strict=True):
+            self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
+        return result
+
+
+def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
+    """One robot a process."""
+    with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
+        reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
+    with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
+        waiting = set(futures)
+        while waiting:
+            done, waiting = wait(waiting, timeout=2 * _REPORT_S, return_when=FIRST_COMPLETED)
+            while not reports.empty():
+                shown(*reports.get())
+            for future in done:
+                future.result()  # whatever one robot lacks is said at once, not after the others are done
+        return [future.result() for future in futures]
+
+
+class _Worker:
+    """What happens in another process; its reports go to the first one."""
+
+    reports: SimpleQueue[tuple[str, int]]
+
+    @classmethod
+    def begin(cls, reports: SimpleQueue[tuple[str, int]]) -> None:
+        cls.reports = reports
+
+    @classmethod
+    def front_end(cls, work: _Work) -> tuple[FrontEndResult, bool]:
+        return work.front_end(lambda name, scans: cls.reports.put((name, scans)))
+
+
+def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
+    """What the result of odometry depends on."""
+    settings = config.odometry.model_dump(exclude={"num_threads"})
+    return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
+
+
+def _reported(scans: Iterable[Scan], robot: str, shown: Shown) -> Iterator[Scan]:
+    """The same scans; how many passed is shown some times a second, and at the end."""
+    count, last_s = 0, time.monotonic()
+    for scan in scans:
+        require_wanted()
+        yield scan
+        count += 1
+        if time.monotonic() - last_s > _REPORT_S:
+            shown(robot, count)
+            last_s = time.monotonic()
+    shown(robot, count)

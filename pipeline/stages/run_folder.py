@@ -1,0 +1,94 @@
+"""The files of a run: what `wiclosure run` leaves behind, and what `wiclosure eval` reads again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import yaml
+
+from wiclosure.backends.g2o_writer import write_g2o
+from wiclosure.backends.map_writers import write_pcd, write_ply
+from wiclosure.backends.occupancy import occupancy, write_occupancy
+from wiclosure.errors import InputError
+from wiclosure.formats.candidates_csv import write_candidates
+from wiclosure.formats.kitti_poses import write_kitti_poses
+from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.pipeline.config import dump_config
+from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings
+from wiclosure.pipeline.evaluation.metrics import Metrics
+from wiclosure.pipeline.stages.closures_csv import write_closures
+from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.types import Trajectory
+
+
+def write_run(folder: Path, result: RunResult) -> None:
+    """Writes everything but the pictures into an existing folder."""
+    (folder / "config.yaml").write_text(dump_config(result.config), encoding="utf-8")
+    write_json(folder / "metrics.json", result.metrics)
+    for robot, front in result.fronts.items():
+        write_tum(folder / f"{robot}.tum", result.merged[robot])
+        write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot])
+        write_tum(folder / f"{robot}_odometry.tum", front.odometry)
+    for robot, truth in result.inputs.ground_truth.items():
+        write_tum(folder / f"{robot}_ground_truth.tum", truth)
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    write_candidates(folder / "candidates.csv", result.solution.filtered.pairs, keyframes)
+    write_closures(folder / "closures.csv", result.solution.closures, keyframes)
+    write_g2o(result.solution.graph, folder / "graph.g2o")
+    write_ply(result.merged_map, folder / "map.ply")
+    write_pcd(result.merged_map, folder / "map.pcd")
+    write_occupancy(occupancy(result.merged_map, result.config.map), folder)
+
+
+def write_json(path: Path, content: object) -> None:
+    """Writes readable JSON."""
+    path.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_metrics(folder: Path) -> Metrics:
+    """The figures of a finished run.
+
+    Raises:
+        InputError: the folder is not one that `wiclosure run` wrote.
+    """
+    path = folder / "metrics.json"
+    if not path.exists() and (folder / "comparison.json").exists():
+        arms = [str(arm.parent) for arm in sorted(folder.rglob("metrics.json"))]
+        some = ", ".join(arms[:4]) + (" ..." if len(arms) > 4 else "")
+        raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {some}")
+    try:
+        metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give a folder that wiclosure run wrote") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not valid JSON ({error}); give a folder that wiclosure run wrote") from error
+    if "components" not in metrics:
+        raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
+    return metrics
+
+
+def read_evaluation_settings(folder: Path) -> EvaluationSettings:
+    """How the run was evaluated; the rest of its configuration may be of another version.
+
+    Raises:
+        InputError: the configuration is missing or damaged.
+    """
+    path = folder / "config.yaml"
+    try:
+        return EvaluationSettings.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")).get("evaluation", {}))
+    except (OSError, yaml.YAMLError, AttributeError, ValueError) as error:
+        raise InputError(f"{path} does not hold the configuration of a run: {error}") from error
+
+
+def read_trajectories(folder: Path) -> tuple[dict[str, Trajectory], dict[str, Trajectory]]:
+    """Merged trajectories of a finished run, and ground truth, by robot.
+
+    Raises:
+        InputError: a trajectory is missing or damaged.
+    """
+    metrics = read_metrics(folder)
+    robots = [robot for component in metrics["components"] for robot in component["robots"]]
+    merged = {robot: read_tum(folder / f"{robot}.tum", robot) for robot in robots}
+    paths = {robot: folder / f"{robot}_ground_truth.tum" for robot in robots}
+    return merged, {robot: read_tum(path, robot) for robot, path in paths.items() if path.exists()}

@@ -1,0 +1,311 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.pipeline.evaluation.closures import candidate_metrics
+from wiclosure.pipeline.evaluation.errors import (
+    Matched,
+    inter_robot_error,
+    joint_errors,
+    matched,
+    relative_errors,
+    rigid_alignment,
+    rms,
+    truth_at,
+)
+from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.evaluation.funnel import STAGES
+from wiclosure.types import (
+    CandidatePairs,
+    Closure,
+    Decision,
+    Evidence,
+    FilterResult,
+    FrameAlignment,
+    KeyframeId,
+    Trajectory,
+)
+
+SECOND = 1_000_000_000
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def path(seed, n=80, robot="alpha"):
+    """A winding path on uneven ground, a pose a second."""
+    rng = np.random.default_rng(seed)
+    step = np.zeros((n - 1, 6))
+    step[:, 2], step[:, 1], step[:, 3] = (
+        rng.normal(0, 0.15, n - 1),
+        rng.normal(0, 0.02, n - 1),
+        rng.uniform(0.5, 1.5, n - 1),
+    )
+    poses = [se3.from_yaw(rng.uniform(-3, 3), rng.normal(0, 30, 3))]
+    for T in se3.exp(step):
+        poses.append(poses[-1] @ T)
+    return Trajectory(robot, np.arange(n, dtype=np.int64) * SECOND, np.stack(poses))
+
+
+def disturbed(trajectory, seed, sigma=0.05):
+    noise = np.random.default_rng(seed).normal(0, sigma, (len(trajectory), 6)) * np.repeat([0.1, 1.0], 3)
+    return Trajectory(trajectory.robot, trajectory.stamps_ns, trajectory.poses @ se3.exp(noise))
+
+
+def turned(seed):
+    rng = np.random.default_rng(seed)
+    return se3.from_rotation_translation(Rotation.random(rng=rng).as_matrix(), rng.normal(0, 100, 3))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS)
+def test_alignment_undoes_any_rigid_motion(seed):
+    truth, T = path(seed), turned(seed)
+    np.testing.assert_allclose(rigid_alignment(truth.positions, truth.moved(T).positions), T, atol=1e-8)
+    error = joint_errors([Matched("alpha", truth.moved(T).poses, truth.poses)])["alpha"]
+    assert np.abs(error).max() < 1e-9
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS)
+def test_single_robot_errors_agree_with_evo(seed):
+    from evo.core import metrics, trajectory
+
+    truth = path(seed)
+    estimate = disturbed(truth, seed).moved(turned(seed))
+    robot = Matched("alpha", estimate.poses, truth.poses)
+
+    def as_evo(poses):
+        return trajectory.PosePath3D(poses_se3=list(poses))
+
+    aligned = as_evo(estimate.poses)
+    aligned.align(as_evo(truth.poses), correct_scale=False)
+    absolute = metrics.APE(metrics.PoseRelation.translation_part)
+    absolute.process_data((as_evo(truth.poses), aligned))
+    ours = rms(joint_errors([robot])["alpha"])
+    assert ours == pytest.approx(absolute.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
+
+    for relation, key in (
+        (metrics.PoseRelation.translation_part, "step_m"),
+        (metrics.PoseRelation.rotation_angle_deg, "step_deg"),
+    ):
+        relative = metrics.RPE(relation, delta=1, delta_unit=metrics.Unit.frames, all_pairs=True)
+        relative.process_data((as_evo(truth.poses), as_evo(estimate.poses)))
+        assert relative_errors(robot, 10.0)[key] == pytest.approx(
+            relative.get_statistic(metrics.StatisticsType.rmse), rel=1e-6
+        )
+
+
+def test_relative_error_over_a_distance_sees_a_scale_error():
+    truth = path(1, 200)
+    scaled = Trajectory("alpha", truth.stamps_ns, truth.poses.copy())
+    scaled.poses[:, :3, 3] *= 1.01
+    errors = relative_errors(Matched("alpha", scaled.poses, truth.poses), 10.0)
+    assert errors["rotation_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert 0.5 < errors["translation_percent"] <= 1.0 + 1e-9  # displacement is at most the way driven
+    short = relative_errors(Matched("alpha", truth.poses[:3], truth.poses[:3]), 1000.0)
+    assert short["translation_m"] is None
+    assert short["step_m"] == pytest.approx(0.0, abs=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, shift=st.floats(0.5, 50.0))
+def test_one_alignment_for_the_team_shows_what_alignments_of_each_robot_hide(seed, shift):
+    a, b = path(seed), path(seed + 1, robot="beta")
+    displaced = b.moved(se3.from_yaw(0.0, np.array([shift, 0.0, 0.0])))
+    robots = [Matched("alpha", a.poses, a.poses), Matched("beta", displaced.poses, b.poses)]
+    assert all(rms(joint_errors([robot])[robot.robot]) < 1e-9 for robot in robots)
+    team = joint_errors(robots)
+    assert rms(np.concatenate(list(team.values()))) > 1e-3 * shift
+    metres, degrees = inter_robot_error(*robots)
+    assert metres == pytest.approx(shift, rel=1e-6)
+    assert degrees == pytest.approx(0.0, abs=1e-5)
+
+
+def test_inter_robot_error_is_defined_on_a_straight_path():
+    line = np.tile(np.eye(4), (50, 1, 1))
+    line[:, 0, 3] = np.arange(50)
+    rolled = line.copy()
+    rolled[:, :3, :3] = Rotation.from_euler("x", 10, degrees=True).as_matrix()
+    metres, degrees = inter_robot_error(Matched("alpha", line, line), Matched("beta", rolled, line))
+    assert metres == pytest.approx(0.0, abs=1e-9)
+    assert degrees == pytest.approx(10.0, abs=1e-6)
+
+
+def test_ground_truth_is_used_only_where_it_is_near_in_time():
+    truth = Trajectory("alpha", np.array([0, 1, 2, 10, 11], dtype=np.int64) * SECOND, path(0, 5).poses)
+    stamps = np.array([-1.0, 0, 0.5, 2, 6, 10.5, 11, 12]) * SECOND
+    _, covered = truth_at(truth, stamps.astype(np.int64), 1.0)
+    assert covered.tolist() == [False, True, True, True, False, True, True, False]
+    assert len(matched(path(0), None, 1.0)) == 0
+
+
+def brute_force(pairs, positions, radius):
+    a, b = positions["alpha"], positions["beta"]
+    near = np.linalg.norm(a[:, None] - b[None], axis=2) <= radius
+    kept = np.zeros_like(near)
+    kept[pairs.index_a, pairs.index_b] = True
+    return int(near.sum()), int((near & kept).sum()), int(kept.sum())
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, radius=st.floats(1.0, 200.0), share=st.floats(0.0, 1.0))
+def test_candidate_metrics_agree_with_brute_force(seed, radius, share):
+    rng = np.random.default_rng(seed)
+    truth = {"alpha": path(seed, 30), "beta": path(seed + 1, 40, "beta")}
+    index_a, index_b = np.nonzero(rng.random((30, 40)) < share)
+    pairs = CandidatePairs.without_prediction("alpha", "beta", index_a, index_b)
+    true, kept_true, kept = brute_force(pairs, {r: t.positions for r, t in truth.items()}, radius)
+    found = candidate_metrics([pairs], truth, truth, radius_m=radius, gap_s=1.0)
+    assert (found["true"], found["kept_true"]) == (true, kept_true)
+    assert found["pruned"] == pytest.approx(1 - kept / 1200)
+    assert found["recall"] == (kept_true / true if true else None)
+    assert found["precision"] == (kept_true / kept if kept else None)
+
+
+TRUTH = {"alpha": path(1), "beta": path(2, robot="beta"), "gamma": path(3, robot="gamma")}
+COSTS = {"seconds": {"total": 1.0}, "seconds_spent": {"total": 0.5}, "bytes_exchanged": 5, "peak_rss_mb": 100.0}
+
+
+class TestWholeEvaluation:
+    """`metrics.json` of small runs with known answers."""
+
+    def closure(self, a, b, error=0.0, decision=Decision.ACCEPTED):
+        T = se3.between(TRUTH["alpha"].poses[a], TRUTH["beta"].poses[b])
+        T = T @ se3.from_yaw(0.0, np.array([error, 0.0, 0.0]))
+        return Closure(KeyframeId("alpha", a), KeyframeId("beta", b), T, np.eye(6), Evidence(), decision)
+
+    def run(self, truth=TRUTH, **changes):
+        odometry = {r: t.moved(se3.inverse(t.poses[0])) for r, t in TRUTH.items()}
+        frame = turned(5)
+        final = [
+            self.closure(3, 4),
+            self.closure(5, 6),
+            self.closure(9, 9, 20.0),
+            self.closure(7, 8, 0, Decision.REJECTED),
+        ]
+        every = np.arange(80)
+        pairs = tuple(
+            CandidatePairs.without_prediction(a, b, every, every)
+            for a, b in (("alpha", "beta"), ("alpha", "gamma"), ("beta", "gamma"))
+        )
+        filtered = FilterResult(
+            "wiclosure", pairs, 3 * 6400, (FrameAlignment("alpha", "beta", None, None, True, "two walls"),)
+        )
+        found = Findings(
+            filtered=filtered,
+            registered=[replace(c, decision=Decision.VERIFIED) for c in final],
+            verified=[replace(c, decision=Decision.VERIFIED) for c in final],
+            consistent=[replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
+            closures=final,
+            components=(("alpha", "beta", "gamma"),),
+            keyframes=odometry,
+            odometry=odometry,
+            merged={r: t.moved(frame) for r, t in TRUTH.items()},
+        )
+        return evaluate(replace(found, **changes), truth, EvaluationSettings(), costs=COSTS, diagnosis=("all is well",))
+
+    def test_a_perfect_merge(self):
+        metrics = self.run()
+        assert metrics["ate_m"] == {r: pytest.approx(0.0, abs=1e-9) for r in ("team", "alpha", "beta", "gamma")}
+        assert metrics["alignment"]["alpha-beta"]["ambiguous"] is True
+        assert metrics["alignment"]["alpha-gamma"]["ambiguous"] is None
+        assert metrics["alignment"]["beta-gamma"]["translation_error_m"] == pytest.approx(0.0, abs=1e-9)
+        assert metrics["closures"] == {
+            "proposed": 4,
+            "verified": 4,
+            "accepted": 3,
+            "verified_true": 3,
+            "verified_false": 1,
+            "accepted_true": 2,
+            "accepted_false": 1,
+        }
+        assert metrics["pairs_kept"] == 240
+        assert metrics["candidates"]["radius_m"] == 35.0
+        assert metrics["candidates_registrable"]["radius_m"] == 10.0
+        assert metrics["diagnosis"] == ["all is well"]
+
+    def test_keys_of_the_contract_and_plain_json(self):
+        metrics = self.run()
+        assert json.loads(json.dumps(metrics, allow_nan=False)) == metrics
+        assert {
+            "filter", "pairs_total", "pairs_kept", "candidates", "candidates_registrable", "closures", "ate_m",
+            "alignment", "seconds", "bytes_exchanged", "peak_rss_mb", "diagnosis",
+        } <= set(metrics)  # fmt: skip
+        assert {"radius_m", "true", "kept_true", "precision", "recall", "pruned"} <= set(metrics["candidates"])
+
+    def test_heights_count_in_one_error_and_not_in_the_other(self):
+        merged = {}
+        for robot, trajectory in TRUTH.items():
+            poses = trajectory.poses.copy()
+            poses[:, 2, 3] += 0.5 * (-1.0) ** np.arange(len(poses))
+            merged[robot] = Trajectory(robot, trajectory.stamps_ns, poses)
+        metrics = self.run(truth={r: t.moved(turned(4)) for r, t in TRUTH.items()}, merged=merged)
+        assert metrics["ate_m"] == {r: pytest.approx(0.5, rel=0.02) for r in ("team", *TRUTH)}
+        assert all(error < 0.05 for error in metrics["ate_horizontal_m"].values())
+        assert self.run(truth={})["ate_horizontal_m"] == dict.fromkeys(("team", *TRUTH))
+
+    def test_the_funnel_counts_what_is_left_of_true_and_false(self):
+        metrics = self.run()
+        assert [stage["stage"] for stage in metrics["funnel"]] == list(STAGES)
+        counts = {stage["stage"]: (stage["count"], stage["true"], stage["false"]) for stage in metrics["funnel"]}
+        found = metrics["candidates"]
+        assert counts["pairs"] == (19200, found["true"], 19200 - found["true"])
+        assert counts["kept"] == (240, found["kept_true"], found["kept_false"])
+        assert counts["registered"] == counts["radio"] == (4, 3, 1)
+        assert counts["PCM"] == (3, 2, 1)
+        assert counts["graph"] == (3, 2, 1)
+
+    def test_what_the_radio_refuses_is_lost_between_registration_and_pcm(self):
+        registered = [self.closure(3, 4, 0), self.closure(9, 9, 20.0)]
+        refused = [registered[0], replace(registered[1], decision=Decision.REJECTED)]
+        metrics = self.run(registered=registered, verified=refused, consistent=refused, closures=refused)
+        counts = {stage["stage"]: (stage["true"], stage["false"]) for stage in metrics["funnel"]}
+        assert counts["registered"] == (1, 1)
+        assert counts["radio"] == counts["PCM"] == counts["graph"] == (1, 0)
+
+    def test_odometry_without_drift_has_no_error_of_its_own(self):
+        assert self.run()["ate_odometry_m"]["team"] == pytest.approx(0.0, abs=1e-9)
+        assert self.run(truth={})["ate_odometry_m"] == dict.fromkeys(("team", *TRUTH))
+
+    def test_robots_that_are_not_connected_have_no_team_error(self):
+        metrics = self.run(components=(("alpha", "beta"), ("gamma",)))
+        assert metrics["ate_m"]["team"] is None
+        assert metrics["ate_m"]["gamma"] == pytest.approx(0.0, abs=1e-9)
+        assert metrics["alignment"]["alpha-gamma"]["translation_error_m"] is None
+        assert [part["robots"] for part in metrics["components"]] == [["alpha", "beta"], ["gamma"]]
+        assert "not all connected" in metrics["diagnosis"][-1]
+
+    def test_without_ground_truth_errors_are_none_and_counts_stay(self):
+        metrics = self.run(truth={})
+        assert set(metrics["ate_m"].values()) == {None}
+        assert metrics["candidates"] | {"radius_m": 0} == {
+            "radius_m": 0, "true": None, "kept_true": None, "precision": None, "recall": None,
+            "false": None, "kept_false": None, "false_rejected": None, "pruned": pytest.approx(1 - 240 / 19200),
+        }  # fmt: skip
+        assert metrics["closures"]["accepted"] == 3
+        assert metrics["closures"]["accepted_false"] is None
+        assert "no ground truth for alpha, beta, gamma" in metrics["diagnosis"][-1]
+
+    def test_ground_truth_of_another_day_is_said_so(self):
+        late = {r: Trajectory(r, t.stamps_ns + 86_400 * SECOND, t.poses) for r, t in TRUTH.items()}
+        metrics = self.run(truth=late)
+        assert metrics["ate_m"]["team"] is None
+        assert "does not overlap" in metrics["diagnosis"][-1]
+
+    def test_one_robot_without_ground_truth_leaves_the_others_judged(self):
+        metrics = self.run(truth={r: TRUTH[r] for r in ("alpha", "beta")})
+        assert metrics["ate_m"]["team"] == pytest.approx(0.0, abs=1e-9)
+        assert metrics["ate_m"]["gamma"] is None
+        assert metrics["alignment"]["alpha-gamma"]["rotation_error_deg"] is None
+
+    def test_no_closures_and_no_pairs(self):
+        metrics = self.run(filtered=FilterResult("none", (), 0), verified=[], consistent=[], closures=[])
+        assert metrics["closures"]["accepted_true"] == 0
+        assert metrics["candidates"]["recall"] is None

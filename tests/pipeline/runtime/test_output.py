@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import errno
+import time
+from pathlib import Path
+
+import pytest
+
+from wiclosure.errors import OutputError
+from wiclosure.pipeline.runtime.output import (
+    MARK,
+    default_folder,
+    point_latest,
+    require_apart,
+    whole_file,
+    whole_folder,
+)
+
+
+def test_folder_appears_whole(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "run"
+    with whole_folder(out) as scratch:
+        (scratch / "a.txt").write_text("a")
+        assert not out.exists()
+    assert (out / "a.txt").read_text() == "a"
+    assert list(out.parent.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("failure", [RuntimeError("broken"), KeyboardInterrupt()])
+def test_folder_of_a_failed_run_does_not_appear(tmp_path: Path, failure: BaseException) -> None:
+    with pytest.raises(type(failure)), whole_folder(tmp_path / "run") as scratch:
+        (scratch / "a.txt").write_text("a")
+        raise failure
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_folder_is_replaced_only_when_asked(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with whole_folder(out) as scratch:
+        (scratch / "old.txt").write_text("old")
+    with pytest.raises(OutputError, match="--overwrite"), whole_folder(out):
+        pass
+    with whole_folder(out, overwrite=True) as scratch:
+        (scratch / "new.txt").write_text("new")
+    assert {p.name for p in out.iterdir()} == {"new.txt", MARK}
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_folders_of_others_are_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(OutputError, match="not written by wiclosure"), whole_folder(tmp_path, overwrite=True):
+        pass
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_a_result_that_appeared_meanwhile_stays(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="exists already"), whole_folder(tmp_path / "run") as mine:
+        (mine / "a.txt").write_text("mine")
+        with whole_folder(tmp_path / "run") as quicker:
+            (quicker / "a.txt").write_text("quicker")
+    assert (tmp_path / "run" / "a.txt").read_text() == "quicker"
+
+
+def test_what_is_read_is_not_written_over(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="which is read"):
+        require_apart(tmp_path, [tmp_path / "data" / "alpha.bag"])
+    require_apart(tmp_path / "run", [tmp_path / "data" / "alpha.bag"])
+
+
+def test_failed_overwrite_keeps_the_old_result(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with whole_folder(out) as scratch:
+        (scratch / "old.txt").write_text("old")
+    with pytest.raises(RuntimeError), whole_folder(out, overwrite=True):
+        raise RuntimeError
+    assert (out / "old.txt").read_text() == "old"
+
+
+def test_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"No space left.*make room"), whole_folder(tmp_path / "run"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_really_full_device(tmp_path: Path) -> None:
+    """`/dev/full` fails every write as a full disk does."""
+    with pytest.raises(OutputError, match="No space left"), whole_folder(tmp_path / "run") as scratch:
+        (scratch / "map.ply").symlink_to("/dev/full")
+        (scratch / "map.ply").write_bytes(b"0" * 100_000)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_parent_that_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"), whole_folder(tmp_path / "file" / "run"):
+        pass
+
+
+def test_out_that_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="is a file"), whole_folder(tmp_path / "file", overwrite=True):
+        pass
+
+
+def test_file_appears_whole(tmp_path: Path) -> None:
+    with whole_file(tmp_path / "a.csv") as scratch:
+        scratch.write_text("1")
+        assert not (tmp_path / "a.csv").exists()
+    assert (tmp_path / "a.csv").read_text() == "1"
+    with pytest.raises(RuntimeError), whole_file(tmp_path / "b.csv") as scratch:
+        raise RuntimeError
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_latest_is_a_relative_link(tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        point_latest(tmp_path / name)
+        assert (tmp_path / "latest").readlink() == Path(name)
+
+
+def test_default_folders_do_not_collide(tmp_path: Path) -> None:
+    first = default_folder(tmp_path)
+    time.sleep(0.002)
+    assert default_folder(tmp_path) != first

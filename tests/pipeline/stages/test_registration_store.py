@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.drift import DriftModel
+from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, OdometryResult
+from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.stages.registration_store import RegistrationStore
+from wiclosure.pipeline.stages.registrations import Known, Registered, Start
+from wiclosure.types import Closure, Decision, Evidence, KeyframeId
+
+
+def front(robot: str, shift_m: float = 0.0) -> FrontEndResult:
+    clouds = tuple(np.random.default_rng(k).normal(shift_m, 1, (5, 3)).astype(np.float32) for k in range(2))
+    went = OdometryResult(
+        np.array([1, 2]), np.tile(np.eye(4), (2, 1, 1)), np.array([0, 1]), clouds, FrontEndCounts(2), 0.0, 0.0
+    )
+    return FrontEndResult.of(robot, DriftModel(), went, Descriptors(np.zeros((2, 3, 4), np.float32), 0.0))
+
+
+def registered(decision: Decision, reason: str) -> Registered:
+    closure = Closure(
+        KeyframeId("alpha", 0),
+        KeyframeId("beta", 1),
+        se3.from_yaw(0.3, np.array([1.0, 2.0, 3.0])),
+        0.1 * np.eye(6),
+        Evidence(scan_context_distance=0.2, inliers=120, inlier_ratio=0.5, agreement=0.97),
+        decision,
+        reason,
+    )
+    return Registered(closure, 0.25)
+
+
+PRIOR = (se3.from_yaw(0.1, np.array([1.0, 0.0, 0.0])), 0.5 * np.eye(6))
+VERIFIED = registered(Decision.VERIFIED, "it fits")
+REJECTED = registered(Decision.REJECTED, "ambiguous: ä")
+KNOWN: Known = {Start.of(VERIFIED.closure, PRIOR): VERIFIED, Start.of(REJECTED.closure, None): REJECTED}
+
+
+def test_registrations_come_back_as_they_were_for_the_same_clouds_and_settings_only(tmp_path: Path) -> None:
+    cache, settings = StageCache(tmp_path), RegistrationSettings()
+    fronts = {robot: front(robot) for robot in ("alpha", "beta")}
+    RegistrationStore(cache, fronts, settings).keep(KNOWN)
+    known: Known = {}
+    assert RegistrationStore(cache, fronts, settings).recall(known) == 2
+    assert known.keys() == KNOWN.keys()
+    for key, expected in KNOWN.items():
+        found = known[key]
+        assert found.seconds == expected.seconds
+        assert (found.closure.decision, found.closure.reason) == (expected.closure.decision, expected.closure.reason)
+        np.testing.assert_array_equal(found.closure.T_query_match, expected.closure.T_query_match)
+        np.testing.assert_array_equal(found.closure.covariance, expected.closure.covariance)
+        np.testing.assert_array_equal(astuple(found.closure.evidence), astuple(expected.closure.evidence))
+        assert type(found.closure.evidence.inliers) is int
+    # Threads and memory change nothing; other clouds and thresholds do.
+    same = settings.model_copy(update={"num_threads": 2, "cached_clouds": 5})
+    assert RegistrationStore(cache, fronts, same).recall({}) == 2
+    assert RegistrationStore(cache, fronts | {"beta": front("beta", 0.1)}, settings).recall({}) == 0
+    other = settings.model_copy(update={"min_inliers": 50})
+    assert RegistrationStore(cache, fronts, other).recall({}) == 0
+
+
+def test_damaged_registrations_are_done_again(tmp_path: Path) -> None:
+    store = RegistrationStore(StageCache(tmp_path), {"alpha": front("alpha")}, RegistrationSettings())
+    store.keep(KNOWN)
+    (entry,) = tmp_path.iterdir()
+    content = bytearray(entry.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    entry.write_bytes(content)
+    assert store.recall({}) == 0
+    store.keep(KNOWN)
+    assert store.recall({}) == 2
+
+
+def test_without_a_cache_nothing_is_kept() -> None:
+    store = RegistrationStore(StageCache(None), {"alpha": front("alpha")}, RegistrationSettings())
+    store.keep(KNOWN)
+    assert store.recall({}) == 0

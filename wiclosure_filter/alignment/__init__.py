@@ -1,0 +1,1 @@
+"""From two robots' links to how their odometry frames lie."""

@@ -1,0 +1,213 @@
+"""The frame transform as it drifts: one local transform at each measurement, tied to the next by odometry.
+
+A single rigid transform cannot explain measurements hundreds of metres of odometry apart.  Neighbouring measurements,
+though, constrain each other tightly.  So the transform is estimated as a chain `X_1 ... X_M` along time, each described
+by the relative yaw and by the displacement `w` from antenna a to antenna b in a's odometry axes, where a step adds what
+odometry says that both robots moved, and both robots' drift.  Gauss-Newton on a banded system, the mixture deciding
+anew which path is the direct one at every step; the drift that a rigid transform was excused for is withdrawn bit by
+bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, Trajectory
+from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.alignment.observations import Observations
+from wiclosure.wiclosure_filter.alignment.refinement import Prior, displacements_in_a, residual_rows, seen_by_receiver
+from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+
+_EXCUSES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0, 0.0, 0.0, 0.0)  # of the rigid transform's drift, step by step
+_FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
+_MAX_STEP_RAD, _MAX_STEP_M = 0.3, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class DriftingFrames:
+    """The chain at its optimum.
+
+    Args:
+        yaw: `(M,)` relative yaw at each measurement.
+        w: `(M, 3)` antenna a to antenna b in a's odometry axes.
+        explanation: what explains each measurement there; leading dimension 1.
+        middle: the measurement in the middle of the time.
+        state: `(4,)` the frame transform at the middle, see `Observations`.
+        covariance: `(4, 4)` of that state.
+    """
+
+    yaw: FloatArray
+    w: FloatArray
+    explanation: Explanation
+    middle: int
+    state: FloatArray
+    covariance: FloatArray
+
+
+def follow_drift(
+    state: FloatArray,
+    rigid: Mixture,
+    drift: tuple[FloatArray, FloatArray],
+    prior: Prior,
+    trajectories: tuple[Trajectory, Trajectory],
+    settings: AlignmentSettings,
+) -> DriftingFrames:
+    """Lets a rigid transform follow the drift of both robots.
+
+    Args:
+        state: `(4,)` the rigid transform.
+        rigid: the mixture that it was found with.
+        drift: what that mixture allowed for, `observations.drift_from`.
+        prior: on yaw and height.
+        trajectories: of a and b.
+        settings: drift inflation, radio.
+    """
+    observations = rigid.observations
+    order = np.argsort(observations.stamp_ns, kind="stable")
+    links = observations.subset(order)
+    excused = (drift[0][order], drift[1][order])
+    yaw = np.full(len(links), state[0])
+    w = displacements_in_a(state[None], links)[1][0]
+    mixture = Mixture.of(links, settings.radio)
+    for excuse in _EXCUSES:
+        if excuse > 0:
+            mixture_now = Mixture.of(links, settings.radio, (excuse * excused[0], excuse * excused[1]))
+        else:
+            mixture_now = mixture
+        system = _system(yaw, w, mixture_now, prior, trajectories, settings.drift_inflation)
+        step = system.solved().reshape(-1, 4)
+        shrink = max(np.abs(step[:, 0]).max() / _MAX_STEP_RAD, np.abs(step[:, 1:]).max() / _MAX_STEP_M, 1.0)
+        yaw, w = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink
+    explanation = mixture.explain(seen_by_receiver(w[None], yaw[None], ~links.a_receives))
+    middle = len(links) // 2
+    at_middle, covariance = _frame_transform(
+        yaw[middle], w[middle], links.a[middle], links.b[middle], system.marginal(middle)
+    )
+    back = np.argsort(order, kind="stable")
+    return DriftingFrames(yaw[back], w[back], explanation.subset(back), int(order[middle]), at_middle, covariance)
+
+
+def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observations) -> bool:
+    """False where a rigid transform explains everything as well."""
+    relative = drift[0].max() / observations.typical_distance_m
+    return bool(len(observations) > 1 and (relative > 0.02 or drift[1].max() > 0.02))
+
+
+@dataclass(frozen=True, eq=False)
+class _BandedSystem:
+    """Symmetric normal equations of M blocks of 4, each coupled with the next.
+
+    Args:
+        diagonal: `(M, 4, 4)`.
+        upper: `(M - 1, 4, 4)` between block m and m + 1.
+        gradient: `(M, 4)`.
+    """
+
+    diagonal: FloatArray
+    upper: FloatArray
+    gradient: FloatArray
+
+    def solved(self) -> FloatArray:
+        """Solution `(4 M,)`."""
+        return np.asarray(solveh_banded(self._bands(), self.gradient.reshape(-1)))
+
+    def marginal(self, block: int) -> FloatArray:
+        """`(4, 4)` block of the inverse."""
+        unit = np.zeros((self.gradient.size, 4))
+        unit[4 * block : 4 * block + 4] = np.eye(4)
+        inverse = np.asarray(solveh_banded(self._bands(), unit))[4 * block : 4 * block + 4]
+        return np.asarray((inverse + inverse.T) / 2)
+
+    def _bands(self) -> FloatArray:
+        """Upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
+        count = len(self.diagonal)
+        bands = np.zeros((8, 4 * count))
+        for i in range(4):
+            for j in range(4):
+                if i <= j:
+                    bands[7 + i - j, j::4] = self.diagonal[:, i, j]
+                bands[3 + i - j, 4 + j :: 4] = self.upper[:, i, j]
+        return bands
+
+
+def _system(
+    yaw: FloatArray,
+    w: FloatArray,
+    mixture: Mixture,
+    prior: Prior,
+    trajectories: tuple[Trajectory, Trajectory],
+    inflation: float,
+) -> _BandedSystem:
+    """Linearises measurements, prior and odometry at the current chain."""
+    observations = mixture.observations
+    rows = residual_rows(w[None], yaw[None], mixture)
+    jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
+    weighted = (rows.weight[0] * observations.independence[:, None])[..., None] * jacobian
+    diagonal = np.swapaxes(weighted, 1, 2) @ jacobian
+    gradient = np.einsum("mri,mr->mi", weighted, rows.residual[0])
+    count = len(w)
+    diagonal[:, 3, 3] += prior.height_sigma_m**-2 / count  # the prior is one number, however many measurements
+    gradient[:, 3] -= w[:, 2] * prior.height_sigma_m**-2 / count
+    if np.isfinite(prior.yaw):
+        known = np.isfinite(observations.yaw)
+        information = np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum()
+        diagonal[:, 0, 0] += information
+        gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - yaw)
+    diagonal += 1e-6 * np.eye(4)  # what nothing is known of still has a solution
+
+    moved_b = np.diff(observations.b, axis=0)
+    cosine, sine = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+    turned = np.column_stack(
+        [cosine * moved_b[:, 0] - sine * moved_b[:, 1], sine * moved_b[:, 0] + cosine * moved_b[:, 1], moved_b[:, 2]]
+    )
+    error = np.column_stack([np.diff(yaw), np.diff(w, axis=0) - turned + np.diff(observations.a, axis=0)])
+    back = np.tile(-np.eye(4), (count - 1, 1, 1))
+    back[:, 1, 0], back[:, 2, 0] = turned[:, 1], -turned[:, 0]
+    information = np.linalg.inv(_step_covariance(yaw, w, observations, trajectories, inflation))
+    carried = np.swapaxes(back, 1, 2) @ information
+    diagonal[:-1] += carried @ back
+    diagonal[1:] += information
+    gradient[:-1] -= np.einsum("mij,mj->mi", carried, error)
+    gradient[1:] -= np.einsum("mij,mj->mi", information, error)
+    return _BandedSystem(diagonal, carried, gradient)
+
+
+def _step_covariance(
+    yaw: FloatArray,
+    w: FloatArray,
+    observations: Observations,
+    trajectories: tuple[Trajectory, Trajectory],
+    inflation: float,
+) -> FloatArray:
+    """`(M - 1, 4, 4)` covariance of what odometry says of each step of (yaw, w): drift of a and of b."""
+    total = np.tile(np.diag([_FLOOR_RAD**2, _FLOOR_M**2, _FLOOR_M**2, _FLOOR_M**2]), (len(w) - 1, 1, 1))
+    turn = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3]
+    for robot, (trajectory, index) in enumerate(
+        zip(trajectories, (observations.index_a, observations.index_b), strict=True)
+    ):
+        R_odom_body = trajectory.poses[index[1:], :3, :3]
+        effect = np.zeros((len(w) - 1, 4, 6))
+        if robot == 0:  # a's heading error turns all that a sees about a; its position error shifts it
+            effect[:, 0, :3] = -R_odom_body[:, 2]
+            effect[:, 1:, :3] = se3.skew(w[1:]) @ R_odom_body
+            effect[:, 1:, 3:] = -R_odom_body
+        else:
+            effect[:, 0, :3] = R_odom_body[:, 2]
+            effect[:, 1:, 3:] = turn @ R_odom_body
+        total += se3.rotate_covariance(effect, inflation**2 * trajectory.relative_covariance(index[:-1], index[1:]))
+    return total
+
+
+def _frame_transform(
+    yaw: float, w: FloatArray, a: FloatArray, b: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """State and covariance of the frame transform from those of (yaw, w) at one measurement."""
+    turned = se3.transform(se3.from_yaw(yaw, np.zeros(3)), b)
+    by_local = np.eye(4)
+    by_local[1, 0], by_local[2, 0] = turned[1], -turned[0]
+    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
+    return np.concatenate([[yaw], w + a - turned]), se3.rotate_covariance(by_local, covariance)

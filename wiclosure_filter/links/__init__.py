@@ -1,0 +1,1 @@
+"""From the wireless log to links between two robots, and the noise of bearings."""

@@ -1,0 +1,1 @@
+"""Which pairs of keyframes can be near each other: boxes, gates, overlap search."""

@@ -1,0 +1,179 @@
+"""Where do two trajectories come near each other?  Branch and bound over two hierarchies of boxes (paper, IV-B).
+
+Both trajectories start as one segment each.  A pair of segments whose boxes are too far apart for the gate, given the
+uncertainty bound *of this pair of segments* (the paper has one bound for everything), is dropped with all its pairs of
+keyframes; the others are split.  Levels are processed as arrays, so that the cost follows the output.  No pair that
+the gate keeps is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wiclosure.errors import InputError
+from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.search.gates import Gate
+from wiclosure.wiclosure_filter.search.pair_model import PairModel
+from wiclosure.wiclosure_filter.search.pairs import MOST_PAIRS
+from wiclosure.wiclosure_filter.search.segments import LEAF, SegmentTree, box_distance
+
+# Pairs of segments split at a time; bounds the memory where nearly everything overlaps.
+CHUNK = 1 << 13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeptPairs:
+    """Pairs that passed the gate, sorted by a, then b.
+
+    Args:
+        index_a, index_b: `(M,)` keyframes.
+        overlap_probability, mahalanobis: `(M,)` by the gate.
+    """
+
+    index_a: IntArray
+    index_b: IntArray
+    overlap_probability: FloatArray
+    mahalanobis: FloatArray
+
+    def rows(self, chosen: IntArray) -> KeptPairs:
+        """Some of the pairs."""
+        return KeptPairs(
+            self.index_a[chosen], self.index_b[chosen], self.overlap_probability[chosen], self.mahalanobis[chosen]
+        )
+
+    @classmethod
+    def joined(cls, parts: list[KeptPairs]) -> KeptPairs:
+        """All pairs of several disjoint parts, in order."""
+        if not parts:
+            return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+        whole = cls(
+            np.concatenate([p.index_a for p in parts]),
+            np.concatenate([p.index_b for p in parts]),
+            np.concatenate([p.overlap_probability for p in parts]),
+            np.concatenate([p.mahalanobis for p in parts]),
+        )
+        return whole.rows(np.lexsort((whole.index_b, whole.index_a)))
+
+    @classmethod
+    def united(cls, parts: list[KeptPairs]) -> KeptPairs:
+        """All pairs of several parts, in order; of one that occurs in several, the most probable."""
+        if len(parts) == 1:
+            return parts[0]
+        whole = cls.joined(parts)
+        whole = whole.rows(np.lexsort((-whole.overlap_probability, whole.index_b, whole.index_a)))
+        again = (np.diff(whole.index_a, prepend=-1) == 0) & (np.diff(whole.index_b, prepend=-1) == 0)
+        return whole.rows(np.flatnonzero(~again))
+
+    def best(self, budget: int | None) -> KeptPairs:
+        """The most probable pairs, at most `budget`; still in order."""
+        if budget is None or len(self.index_a) <= budget:
+            return self
+        return self.rows(np.sort(np.argsort(-self.overlap_probability, kind="stable")[:budget]))
+
+
+@dataclass(slots=True, eq=False)
+class SearchTrace:
+    """Pairs of segments that survived, by step, for pictures (paper, figure 5).
+
+    Args:
+        steps: for each step from the roots down: heights of a and b, and the surviving segments `(K,)` of each.
+    """
+
+    steps: dict[int, list[tuple[int, int, IntArray, IntArray]]] = field(default_factory=dict)
+
+
+def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None) -> KeptPairs:
+    """All pairs of keyframes that the gate keeps.
+
+    Args:
+        model: predicted displacements of all pairs.
+        gate: decides on pairs, and bounds its decision for groups of them.
+        trace: collects the surviving segments of every step, where given.
+
+    Raises:
+        InputError: more pairs pass than can be listed.
+    """
+    tree_a = SegmentTree.of(model.a.positions, model.a.own_variance)
+    tree_b = SegmentTree.of(model.b.positions, model.b.own_variance)
+    root = np.zeros(1, np.int64)
+    waiting = [(max(len(tree_a.heights), len(tree_b.heights)) - 1, root, root)]
+    kept: list[KeptPairs] = []
+    found = 0
+    while waiting:
+        step, segment_a, segment_b = waiting.pop()
+        height_a, height_b = min(step, len(tree_a.heights) - 1), min(step, len(tree_b.heights) - 1)
+        bounds = _bounds(model, tree_a, height_a, segment_a, tree_b, height_b, segment_b)
+        near = gate.may_keep(*bounds)
+        segment_a, segment_b = segment_a[near], segment_b[near]
+        if trace is not None:
+            trace.steps.setdefault(step, []).append((height_a, height_b, segment_a, segment_b))
+        if step == 0:
+            kept.append(_gated(model, gate, segment_a, segment_b, bounds[1][near], bounds[2][near]))
+            found += len(kept[-1].index_a)
+            if found > MOST_PAIRS:
+                raise InputError(
+                    f"more than {MOST_PAIRS} pairs of keyframes may overlap, too many to list; raise"
+                    " gate.min_probability, lower gate.sensor_range_m or use fewer keyframes"
+                )
+            continue
+        segment_a, segment_b = _split(tree_a, height_a, segment_a, tree_b, height_b, segment_b, step - 1)
+        waiting += [
+            (step - 1, segment_a[i : i + CHUNK], segment_b[i : i + CHUNK]) for i in range(0, len(segment_a), CHUNK)
+        ]
+    return KeptPairs.joined(kept)
+
+
+def _bounds(
+    model: PairModel,
+    tree_a: SegmentTree,
+    height_a: int,
+    segment_a: IntArray,
+    tree_b: SegmentTree,
+    height_b: int,
+    segment_b: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shortest distance, largest variance and smallest spread `(K,)` of all pairs of keyframes of two segments."""
+    level_a, level_b = tree_a.heights[height_a], tree_b.heights[height_b]
+    largest, smallest = model.bounds(*tree_a.keyframes(height_a, segment_a), *tree_b.keyframes(height_b, segment_b))
+    largest = largest + level_a.own_variance[segment_a] + level_b.own_variance[segment_b]
+    return box_distance(level_a, segment_a, level_b, segment_b), largest, smallest
+
+
+def _split(
+    tree_a: SegmentTree,
+    height_a: int,
+    segment_a: IntArray,
+    tree_b: SegmentTree,
+    height_b: int,
+    segment_b: IntArray,
+    below: int,
+) -> tuple[IntArray, IntArray]:
+    """Pairs of the children; a trajectory that is not as high waits for the other."""
+    for tree, height, is_a in ((tree_a, height_a, True), (tree_b, height_b, False)):
+        if below >= height:
+            continue
+        parents = segment_a if is_a else segment_b
+        children = np.concatenate([2 * parents, 2 * parents + 1])
+        exists = children < tree.count(below)
+        other = np.tile(segment_b if is_a else segment_a, 2)[exists]
+        segment_a, segment_b = (children[exists], other) if is_a else (other, children[exists])
+    return segment_a, segment_b
+
+
+def _gated(
+    model: PairModel, gate: Gate, leaf_a: IntArray, leaf_b: IntArray, largest: FloatArray, smallest: FloatArray
+) -> KeptPairs:
+    """The pairs of keyframes of pairs of leaves that pass; far ones fall by the bounds of their leaves."""
+    within = np.arange(LEAF)
+    p = (leaf_a[:, None, None] * LEAF + within[:, None] + 0 * within).ravel()
+    k = (leaf_b[:, None, None] * LEAF + within + 0 * within[:, None]).ravel()
+    exists = (p < len(model.a)) & (k < len(model.b))
+    leaf, p, k = np.flatnonzero(exists) // LEAF**2, p[exists], k[exists]
+    displacement = model.displacement(p, k)
+    near = gate.may_keep(np.linalg.norm(displacement, axis=1), largest[leaf], smallest[leaf])
+    near[near] = model.applies(p[near], k[near])
+    p, k = p[near], k[near]
+    scores = gate.score(displacement[near], model.covariance(p, k))
+    return KeptPairs(p[scores.keep], k[scores.keep], scores.overlap_probability, scores.mahalanobis)

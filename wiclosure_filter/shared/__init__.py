@@ -1,0 +1,1 @@
+"""All robots in one frame: the shared trajectory with its uncertainty."""

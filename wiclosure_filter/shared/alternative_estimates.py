@@ -1,0 +1,92 @@
+"""What is left where a few alignments are likely: pairs that are possible under any of them.
+
+The paper's filter has one alignment or none.  A handful of measurements often leaves two or three, metres apart, of
+which one is right; each of them rules out most pairs, and what all of them rule out cannot overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.wiclosure_filter.search.pair_model import PairModel
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, share_trajectories
+
+
+@dataclass(frozen=True, eq=False)
+class RivalEstimates:
+    """Estimates of the same two trajectories, one for each likely alignment.
+
+    Implements `wiclosure.types.RelativePosePredictor`.
+
+    Args:
+        estimates: two or more, the most likely first.
+        settings: gate.
+    """
+
+    estimates: tuple[SharedEstimate, ...]
+    settings: FilterSettings
+
+    @classmethod
+    def of(
+        cls,
+        alignment: FrameAlignment,
+        trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
+        settings: FilterSettings,
+    ) -> RivalEstimates | None:
+        """One estimate for each of the likely alignments; None where they are not few, or one allows no estimate."""
+        if alignment.best is None or not alignment.rivals:
+            return None
+        pair = (alignment.robot_a, alignment.robot_b)
+        both = {robot: trajectories[robot] for robot in pair}
+        estimates = []
+        for hypothesis in (alignment.best, *alignment.rivals):
+            alone = replace(alignment, best=hypothesis, ambiguous=False)
+            shared = share_trajectories(both, wireless, [alone], settings)
+            if pair not in shared.estimates:
+                return None
+            estimates.append(shared.estimates[pair])
+        return cls(tuple(estimates), settings)
+
+    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+        """Those of all estimates, the most likely one's first; each answers for every pair."""
+        return tuple(model for estimate in self.estimates for model in estimate.models(robot_a, robot_b))
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`, by the alignment under which each pair most probably overlaps.
+
+        The covariance covers how far off the others are.  If the pair does overlap, then an alignment is right in
+        proportion to the probability that it gives to that.  Odds between the alignments do not enter: they rest on the
+        few measurements that could not decide.  Their mean would be a pose that none of them predicts, and a
+        registration that starts there ends at neither.
+        """
+        predicted = [e.relative_poses(robot_a, index_a, robot_b, index_b) for e in self.estimates]
+        T, C = (np.stack(of_each) for of_each in zip(*predicted, strict=True))
+        weight = np.stack([self.overlap_probability(e, robot_a, index_a, robot_b, index_b) for e in self.estimates])
+        weight = np.where(weight.sum(axis=0) > 0, weight, 1.0)
+        weight /= weight.sum(axis=0)
+        T_probable = T[np.argmax(weight, axis=0), np.arange(len(index_a))]
+        off = se3.log(se3.between(np.broadcast_to(T_probable, T.shape), T))
+        spread = np.einsum("hm,hmi,hmj->mij", weight, off, off)
+        return T_probable, np.einsum("hm,hmij->mij", weight, C) + spread
+
+    def overlap_probability(
+        self, estimate: SharedEstimate, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> FloatArray:
+        """Probability `(M,)` of overlap under one of the estimates; 0 where its gate does not keep the pair."""
+        gate, probability = make_gate(self.settings.gate), np.zeros(len(index_a))
+        for model in estimate.models(robot_a, robot_b):
+            rows = np.flatnonzero(model.applies(index_a, index_b))
+            p, k = index_a[rows], index_b[rows]
+            scores = gate.score(model.displacement(p, k), model.covariance(p, k))
+            probability[rows[scores.keep]] = scores.overlap_probability
+        return probability

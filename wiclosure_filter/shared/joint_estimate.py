@@ -1,0 +1,226 @@
+"""One estimate over the keyframes of all robots and all links that the alignments kept (GTSAM).
+
+The paper takes one link for each pair of poses, since one link leaves the trajectories as they are.  Here all links are
+used at once, which also corrects the odometry, and robots that never heard each other are joined through a third.
+
+What is exact and what is a bound: means and joint covariance of the nodes are those of the linearised problem, with
+all their correlations.  A keyframe's error is the blend of its two nodes' errors plus a bridge between them; the
+covariance of two keyframes' displacement is taken as the blend of the four node pairs' covariances, which is never
+smaller than that of the blend (variance is convex), plus both bridges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, FrameAlignment, IntArray
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
+from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
+from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_prior, odometry_factors
+from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
+
+# The drift is scaled again where it grew by this factor, at most so often.
+GROWN, MOST_RESCALINGS = 1.2, 5
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """The shared trajectory of the robots of one component.
+
+    The frame is the odometry frame of the first robot.
+
+    Args:
+        nodes: graph nodes of each robot.
+        first: index of each robot's first node among all nodes.
+        T_world_node: `(K, 4, 4)` of all nodes.
+        covariance: of all nodes jointly, in the axes of the shared frame.
+        dimensions: 2 where displacements are horizontal, 3 in space.
+    """
+
+    nodes: Mapping[str, GraphNodes]
+    first: Mapping[str, int]
+    T_world_node: FloatArray
+    covariance: JointCovariance
+    dimensions: int
+
+    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+        """Predicted displacements between all keyframes of two robots."""
+        table = self.covariance.of_displacements(self._rows(robot_a), self._rows(robot_b), self.dimensions)
+        return (PairModel(self.places[robot_a], self.places[robot_b], table),)
+
+    @cached_property
+    def places(self) -> dict[str, KeyframePlaces]:
+        """All keyframes of each robot in the shared frame."""
+        return {robot: self._places(robot) for robot in self.nodes}
+
+    def relative_poses(
+        self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`: over the nearest nodes, with their joint covariance."""
+        node_a, T_node_a, C_a = self._nearest(robot_a, index_a)
+        node_b, T_node_b, C_b = self._nearest(robot_b, index_b)
+        T_nodes, C_nodes = self._between_nodes(node_a, node_b)
+        T_a_node = se3.inverse(T_node_a)
+        C_ab = se3.compose_covariance(se3.inverse_covariance(T_node_a, C_a), T_nodes, C_nodes)
+        C_ab = se3.compose_covariance(C_ab, T_node_b, C_b)
+        T_a_b = T_a_node @ T_nodes @ T_node_b
+        # The positions that the gate saw: blended, not those of the nearest node alone.
+        apart = self.positions[robot_b][index_b] - self.positions[robot_a][index_a]
+        R_world_a = self.T_world_node[node_a, :3, :3] @ T_node_a[:, :3, :3]
+        T_a_b[:, :3, 3] = np.einsum("mji,mj->mi", R_world_a, apart)
+        return T_a_b, C_ab
+
+    def misfit(self, kept: KeptLinks, node_a: IntArray, node_b: IntArray) -> float:
+        """Median residual of the links between nodes `(L,)` of their two robots (see `KeptLinks.misfit`)."""
+        links = kept.links
+        return kept.misfit(
+            self.T_world_node[self.first[links.robot_a] + node_a], self.T_world_node[self.first[links.robot_b] + node_b]
+        )
+
+    def _rows(self, robot: str) -> slice:
+        return slice(self.first[robot], self.first[robot] + len(self.nodes[robot]))
+
+    def _between_nodes(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
+        """`T_n_m` and its covariance, exact to first order."""
+        T_n_m = se3.between(self.T_world_node[n], self.T_world_node[m])
+        to_n, to_m = (_turned(np.swapaxes(self.T_world_node[i, :3, :3], 1, 2)) for i in (n, m))
+        C_nn = to_n @ self.covariance.own[n] @ np.swapaxes(to_n, 1, 2)
+        C_mm = to_m @ self.covariance.own[m] @ np.swapaxes(to_m, 1, 2)
+        C_mn = to_m @ self.covariance.between(m, n) @ np.swapaxes(to_n, 1, 2)
+        Ad = se3.adjoint(se3.inverse(T_n_m))
+        mixed = C_mn @ np.swapaxes(Ad, 1, 2)
+        return T_n_m, C_mm + se3.rotate_covariance(Ad, C_nn) - mixed - np.swapaxes(mixed, 1, 2)
+
+    def _nearest(self, robot: str, index: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Nearest node (among all), `T_node_keyframe` and the covariance of the odometry between."""
+        nodes, trajectory = self.nodes[robot], self.nodes[robot].trajectory
+        before, share = self.places[robot].node[index], self.places[robot].fraction[index]
+        node = np.where(share > 0.5, before + 1, before)
+        T_node_keyframe = trajectory.poses[index].copy()
+        T_node_keyframe[:, :3, 3] -= nodes.position[node]
+        drift = trajectory.relative_covariance(nodes.keyframe[node], index) + 1e-8 * np.eye(6)
+        return node + self.first[robot], T_node_keyframe, drift
+
+    @cached_property
+    def positions(self) -> dict[str, FloatArray]:
+        """`(N, 3)` positions of all keyframes of each robot in the shared frame."""
+        return {robot: self._positions(robot) for robot in self.nodes}
+
+    def _positions(self, robot: str) -> FloatArray:
+        nodes = self.nodes[robot]
+        before, share = nodes.around_keyframes()
+        after = np.minimum(before + 1, len(nodes) - 1)
+        T_world_node, odometry = self.T_world_node[self._rows(robot)], nodes.trajectory.positions
+        from_before, from_after = (
+            se3.transform(T_world_node[n], odometry - nodes.position[n]) for n in (before, after)
+        )
+        return from_before + share[:, None] * (from_after - from_before)
+
+    def _places(self, robot: str) -> KeyframePlaces:
+        nodes = self.nodes[robot]
+        before, share = nodes.around_keyframes()
+        after = np.minimum(before + 1, len(nodes) - 1)
+        chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
+        off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
+        turn = np.einsum("nii->n", self.covariance.own[self._rows(robot), :3, :3])
+        variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
+        return KeyframePlaces(
+            positions=self.positions[robot][:, : self.dimensions],
+            own_covariance=variance[:, None, None] * np.eye(self.dimensions),
+            node=before,
+            fraction=share,
+        )
+
+
+def estimate(
+    nodes: Mapping[str, GraphNodes],
+    T_world_odom: Mapping[str, FloatArray],
+    links: Mapping[tuple[str, str], KeptLinks],
+    rows: Mapping[tuple[str, str], tuple[IntArray, IntArray]],
+    settings: FilterSettings,
+) -> JointEstimate:
+    """Optimises all nodes of one component.
+
+    Args:
+        nodes: of each robot; the first robot's odometry frame becomes the shared frame.
+        T_world_odom: first guess of each robot's odometry frame.
+        links: kept measurements of pairs of robots.
+        rows: for each pair, the node (of its robot) of each link at a and at b.
+        settings: kernel, gravity.
+    """
+    first = dict(zip(nodes, np.cumsum([0, *(len(n) for n in nodes.values())]).tolist(), strict=False))
+    initial, others = gtsam.Values(), gtsam.NonlinearFactorGraph()
+    for robot, own in nodes.items():
+        add_first_guess(initial, first[robot], own, T_world_odom[robot])
+    for number, robot in enumerate(nodes):
+        others.add(frame_prior(initial, first[robot], number == 0, settings))
+    for (a, b), kept in links.items():
+        add_links(others, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
+    linked = np.zeros(len(initial.keys()), bool)
+    for (a, b), (at_a, at_b) in rows.items():
+        linked[first[a] + at_a] = linked[first[b] + at_b] = True
+    as_modelled = odometry_factors(nodes, first)
+    values, covariance = _solved(as_modelled, others, initial, linked)
+    # The links tell how good the odometry is; then once more with what they told.  Where it is far worse than thought,
+    # the kernel kept down the links that say so, and they have more to tell.
+    scale, weight = 1.0, settings.shared_trajectory.drift_weight
+    for _ in range(MOST_RESCALINGS):
+        before = scale
+        scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=weight)
+        scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
+        values, covariance = _solved(odometry_factors(scaled, first), others, values, linked)
+        if scale < GROWN * before:
+            break
+    T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
+    dimensions = 2 if settings.alignment.gravity_aligned else 3
+    return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), dimensions)
+
+
+def _solved(
+    odometry: gtsam.NonlinearFactorGraph,
+    others: gtsam.NonlinearFactorGraph,
+    initial: gtsam.Values,
+    linked: NDArray[np.bool_],
+) -> tuple[gtsam.Values, JointCovariance]:
+    """Optimum of all factors, and the covariance there, each node's in its own axes."""
+    graph = gtsam.NonlinearFactorGraph()
+    graph.push_back(odometry)
+    graph.push_back(others)
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
+    values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
+    return values, JointCovariance.of(graph.linearize(values), linked)
+
+
+def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str, FloatArray]:
+    """`T_world_odom` of every robot that the alignments join to the first of `robots`, in order of joining."""
+    known = {robots[0]: np.eye(4)}
+    grown = True
+    while grown:
+        grown = False
+        for alignment in alignments:
+            if alignment.best is None or (alignment.robot_a in known) == (alignment.robot_b in known):
+                continue
+            if alignment.robot_a in known:
+                known[alignment.robot_b] = known[alignment.robot_a] @ alignment.best.T_a_b
+            else:
+                known[alignment.robot_a] = known[alignment.robot_b] @ se3.inverse(alignment.best.T_a_b)
+            grown = True
+    return {robot: known[robot] for robot in robots if robot in known}
+
+
+def _turned(R: FloatArray) -> FloatArray:
+    """`(M, 6, 6)` that turns rotation and translation parts alike."""
+    both = np.zeros((len(R), 6, 6))
+    both[:, :3, :3] = both[:, 3:, 3:] = R
+    return both
