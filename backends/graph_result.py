@@ -98,8 +98,8 @@ class GraphResult:
         return np.asarray(self.sigma_scale**2 * J @ joint @ J.T)
 
 
-def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:
-    """The poses of all scans in the world, carried along with their keyframes.
+def propagate_to_scans(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:
+    """The poses of all scans in the world, from those of their keyframes.
 
     Each scan keeps its odometry relative to the keyframe before and to the one after; where these two disagree, the
     pose moves from one to the other with time.  Exact at the keyframes.

@@ -24,7 +24,7 @@ from wiclosure.backends.factors import (
     with_factors,
 )
 from wiclosure.backends.frames import components, initial_frames
-from wiclosure.backends.graph_result import GraphResult, carried
+from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.radio_factors import radio_factors
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
@@ -177,7 +177,7 @@ def _decide(
     for robot, trajectory in trajectories.items():
         held = trajectory.subset(nodes[robot])
         solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
-        poses[robot] = carried(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
+        poses[robot] = propagate_to_scans(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
     return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
 
 

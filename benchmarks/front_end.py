@@ -30,17 +30,17 @@ from odometry import PackedScans, peak_resident_mb
 from wiclosure import se3
 from wiclosure.frontends.config import (
     FrontEndSettings,
+    IntraRobotLoopSettings,
     KeyframeSettings,
     MatchingSettings,
     OdometrySettings,
-    RevisitSettings,
     ScanContextSettings,
 )
 from wiclosure.frontends.front_end import FrontEnd, FrontEndResult
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import match
 from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.registration import Registration
-from wiclosure.frontends.revisits import revisits
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.pipeline.config import Config, resolve
@@ -347,14 +347,14 @@ def indoor() -> None:
     for k in range(len(scans)):
         run.process(scans.scan(k))
     front = run.result()
-    settings = RevisitSettings(min_travel_m=15.0)
+    settings = IntraRobotLoopSettings(min_travel_m=15.0)
     travelled = front.keyframes.distance[None] - front.keyframes.distance[:, None]
     apart = np.linalg.norm(front.keyframes.positions[:, None] - front.keyframes.positions[None], axis=2)
     true = (travelled >= settings.min_travel_m) & (apart <= NEAR_M)
     places = set(np.flatnonzero(true.any(axis=0) | true.any(axis=1)).tolist())
     a, b = np.nonzero(travelled >= settings.min_travel_m)
     arms = {
-        "along recorded odometry": revisits(front.keyframes, settings),
+        "along recorded odometry": intra_robot_loops(front.keyframes, settings),
         "by looks alone": CandidatePairs.without_prediction("alpha", "alpha", a, b),
     }
     every_place = MatchingSettings(suppression_where_located=0)  # counted is every keyframe

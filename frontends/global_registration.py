@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError
-from wiclosure.frontends import hypotheses
+from wiclosure.frontends import initial_guesses
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.prepared_cloud import PreparedCloud
 from wiclosure.types import FloatArray
@@ -28,7 +28,7 @@ def global_starts(settings: RegistrationSettings) -> GlobalStarts:
     """
 
     def around_scan_context(query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
-        return hypotheses.around_scan_context(yaw_rad, settings.yaw_hypotheses)
+        return initial_guesses.around_scan_context(yaw_rad, settings.yaw_hypotheses)
 
     if settings.global_start == "scan-context":
         return around_scan_context

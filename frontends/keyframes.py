@@ -51,7 +51,7 @@ class LocalMap:
 
 
 class Followed(Protocol):
-    """What has followed a scan."""
+    """Odometry that has registered a scan."""
 
     voxel_size_m: float
 
@@ -62,7 +62,7 @@ class Followed(Protocol):
 
 
 class KeyframeCollector:
-    """Keeps the keyframes of one robot's way: which scans they are, and their clouds."""
+    """Keeps the keyframes along one robot's path: which scans they are, and their clouds."""
 
     def __init__(self, settings: KeyframeSettings) -> None:
         self._settings = settings

@@ -9,14 +9,14 @@ import numpy as np
 from scipy import stats
 
 from wiclosure import se3
-from wiclosure.frontends import hypotheses
+from wiclosure.frontends import initial_guesses
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.global_registration import global_starts
-from wiclosure.frontends.measurement import Measurement
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration_methods import METHODS
+from wiclosure.frontends.registration_result import Measurement
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import Closure, Decision, Float32Array, Prior, worth_having
+from wiclosure.types import Closure, Decision, Float32Array, Prior, capped_covariance
 
 _ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
 
@@ -57,7 +57,7 @@ class Registration:
         if prior is None:
             starts = self._global_starts(query, match, yaw)
         else:
-            starts = hypotheses.around_prediction(*prior, yaw, query.voxel_m, located=closure.located)
+            starts = initial_guesses.around_prediction(*prior, yaw, query.voxel_m, located=closure.located)
         measured = self._method.measure(query, match, starts, self._settings)
         chi2 = np.array([_chi2(m, prior) for m in measured])
         # NaN without a prediction: comparing with it is false, so nothing contradicts.
@@ -144,4 +144,4 @@ def _chi2(measured: Measurement, prior: Prior | None) -> float:
         return float("nan")
     T_predicted, covariance = prior
     error = se3.log(se3.between(T_predicted, measured.T_query_match))
-    return float(error @ np.linalg.solve(covariance + worth_having(measured.covariance), error))
+    return float(error @ np.linalg.solve(covariance + capped_covariance(measured.covariance), error))

@@ -10,8 +10,8 @@ import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.measurement import Measurement, evaluate, gicp_covariance
 from wiclosure.frontends.prepared_cloud import Level, PreparedCloud
+from wiclosure.frontends.registration_result import Measurement, evaluate, gicp_covariance
 from wiclosure.types import FloatArray
 
 
@@ -78,7 +78,7 @@ class CoarseToFineGicp:
         return measured
 
     def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
-        """Too few matching points of structure, too small a share of it, or too many that the other looked through."""
+        """Too few matching points of structure, too small a share of it, or too many in free-space conflict."""
         needed = settings.min_inlier_ratio_with_prediction if predicted else settings.min_inlier_ratio
         if measurement.inliers < settings.min_inliers:
             return f"only {measurement.inliers} points of structure match, {settings.min_inliers} needed"

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiclosure.types import worth_having
+from wiclosure.types import capped_covariance
 
 WORST = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
 
@@ -14,7 +14,7 @@ def test_no_stated_covariance_is_believed_beyond_what_a_closure_is_worth(seed: i
     root = scale * np.random.default_rng(seed).normal(0, WORST[:, None] / 3, (6, 6))
     stated = root @ root.T + 1e-9 * np.eye(6)
     units = np.outer(WORST, WORST)
-    limited = worth_having(stated)
+    limited = capped_covariance(stated)
     assert (np.sqrt(np.diag(limited)) <= WORST * (1 + 1e-9)).all()
     before, after = np.linalg.eigvalsh(stated / units), np.linalg.eigvalsh(limited / units)
     np.testing.assert_allclose(after, np.minimum(before, 1.0), rtol=1e-6, atol=1e-12)
@@ -26,15 +26,15 @@ def test_what_is_known_well_across_a_vague_direction_stays_known_as_well() -> No
     along, across = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
     stated = np.diag(np.square([0.01, 0.01, 0.01, 0.0, 0.0, 0.1]))
     stated[3:, 3:] += 10.0**2 * np.outer(along, along) + 0.05**2 * np.outer(across, across)
-    limited = worth_having(stated)[3:, 3:]
+    limited = capped_covariance(stated)[3:, 3:]
     assert np.isclose(across @ limited @ across, 0.05**2)
     assert np.isclose(along @ limited @ along, 0.5**2)
 
 
 def test_a_covariance_that_is_no_number_says_nothing() -> None:
-    np.testing.assert_allclose(np.sqrt(np.diag(worth_having(np.full((6, 6), np.inf)))), WORST)
+    np.testing.assert_allclose(np.sqrt(np.diag(capped_covariance(np.full((6, 6), np.inf)))), WORST)
 
 
 def test_what_is_exact_stays_as_it_is() -> None:
     exact = np.diag(np.square([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))
-    np.testing.assert_array_equal(worth_having(exact), exact)
+    np.testing.assert_array_equal(capped_covariance(exact), exact)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from wiclosure.backends.graph_result import carried
+from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.registration import Registration
@@ -118,7 +118,7 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
-        robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
+        robot: propagate_to_scans(front.odometry, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()
     }
     took = Stopwatch()

@@ -13,8 +13,8 @@ import numpy as np
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import GraphResult, optimise
 from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import MatchResult, match
-from wiclosure.frontends.revisits import revisits
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.runtime.progress import Progress
@@ -73,7 +73,7 @@ def solve(
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
 
     filtered = candidate_filter.candidates(keyframes, wireless)
-    own = [revisits(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
+    own = [intra_robot_loops(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
     candidates = (*filtered.pairs, *own)
     took = Stopwatch()
     with took.time("matching"):

@@ -14,7 +14,7 @@ from wiclosure.arrays import FloatArray
 _WORST_SIGMA = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
 
 
-def worth_having(covariance: FloatArray) -> FloatArray:
+def capped_covariance(covariance: FloatArray) -> FloatArray:
     """A stated covariance `(6, 6)` of at most 0.05 rad and 0.5 m: for holding a measured pose against what is known.
 
     Directions that are stated to be vaguer are cut to that, in units of it; others stay as they are.

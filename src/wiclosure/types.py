@@ -7,7 +7,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs, Prior, RelativePosePredictor, robot_pairs
-from wiclosure.closure import Closure, Decision, Evidence, KeyframeId, worth_having
+from wiclosure.closure import Closure, Decision, Evidence, KeyframeId, capped_covariance
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory
@@ -37,6 +37,6 @@ __all__ = [
     "Trajectory",
     "WirelessLog",
     "WirelessMeasurement",
+    "capped_covariance",
     "robot_pairs",
-    "worth_having",
 ]

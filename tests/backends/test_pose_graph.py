@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
 from wiclosure.backends.factors import odometry_covariances
-from wiclosure.backends.graph_result import carried
+from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.drift import DriftModel
@@ -241,17 +241,19 @@ def test_chained_steps_have_the_drift_models_covariance_over_each_span():
 
 @settings(max_examples=10, deadline=None)
 @given(seed=SEEDS)
-def test_scans_are_carried_along_with_their_keyframes(team_maker, seed):
+def test_scans_move_along_with_their_keyframes(team_maker, seed):
     team, rng = team_maker(seed, ("alpha",), 30, noise=1.0), np.random.default_rng(seed)
     scans = team.odometry["alpha"]
     chosen = np.unique(np.concatenate([[0], rng.integers(0, 30, 6)]))
     keyframes = scans.subset(chosen)
     bent = Trajectory("alpha", keyframes.stamps_ns, keyframes.poses @ se3.exp(rng.normal(0, 0.1, (len(chosen), 6))))
-    merged = carried(scans, keyframes, bent)
+    merged = propagate_to_scans(scans, keyframes, bent)
     np.testing.assert_allclose(merged.poses[chosen], bent.poses, atol=1e-9)
-    np.testing.assert_allclose(carried(scans, keyframes, keyframes).poses, scans.poses, atol=1e-9)
+    np.testing.assert_allclose(propagate_to_scans(scans, keyframes, keyframes).poses, scans.poses, atol=1e-9)
     frame = se3.from_yaw(1.0, np.array([4.0, 5.0, 6.0]))
-    np.testing.assert_allclose(carried(scans, keyframes, keyframes.moved(frame)).poses, frame @ scans.poses, atol=1e-8)
+    np.testing.assert_allclose(
+        propagate_to_scans(scans, keyframes, keyframes.moved(frame)).poses, frame @ scans.poses, atol=1e-8
+    )
 
 
 def test_recorded_graph_with_false_closures_agrees_with_the_clean_decision(data_dir, g2o_loader):

@@ -85,7 +85,7 @@ def test_proposals_equal_those_of_a_search_keyframe_by_keyframe(
     assert result.pairs_compared == len(near)
 
 
-def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
+def test_a_prediction_stays_with_its_closure_and_loosens_the_threshold() -> None:
     a, b = descriptors(3, 0), descriptors(4, 1)
     bare = all_pairs(3, 4)
     probability = np.linspace(0.1, 0.9, len(bare))

@@ -6,7 +6,7 @@ import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.hypotheses import around_prediction, around_scan_context
+from wiclosure.frontends.initial_guesses import around_prediction, around_scan_context
 from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.registration_methods import METHODS

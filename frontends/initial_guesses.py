@@ -1,4 +1,4 @@
-"""Where registration starts from: it finds the best pose near a start, so it needs a start near the truth."""
+"""Initial guesses of registration: it finds the best pose near a start, so it needs a start near the truth."""
 
 from __future__ import annotations
 

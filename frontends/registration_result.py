@@ -31,8 +31,8 @@ class Measurement:
         covariance: `(6, 6)`, right perturbation, `[rotation, translation]`.
         inliers: points of structure of either cloud that lie on the other.
         inlier_ratio: mean over both clouds of the share of structure that lies on the other.
-        agreement: share of the points that match among those that match or that the other sensor looked through; of the
-            cloud that has the smaller one.
+        agreement: share of the points that match among those that match or lie in free space that the other sensor saw;
+            of the cloud that has the smaller one.
         rms_m: root mean square of the distances of matched points.
     """
 
@@ -45,7 +45,7 @@ class Measurement:
 
     @property
     def score(self) -> float:
-        """What decides between poses of the same clouds: a point looked through weighs twenty times a matched one.
+        """What decides between poses of the same clouds: a free-space conflict weighs twenty times a match.
 
         Between equal pillars a wrong pose may match more points than the true one, where what would contradict it is
         hidden or out of range.
@@ -86,7 +86,7 @@ def _structure_seen(by: PreparedCloud, points: FloatArray) -> _Seen:
     gaps_m = by.levels[-1].distances(points)
     matched = gaps_m < by.voxel_m
     count = int(matched.sum())
-    refuted = int(by.sight.past(points[~matched]).sum())
+    refuted = int(by.free_space.conflicts(points[~matched]).sum())
     return _Seen(gaps_m[matched], count / max(len(points), 1), count / max(count + refuted, 1))
 
 
