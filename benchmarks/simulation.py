@@ -25,7 +25,7 @@ from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
-from wiclosure.frontends.odometry import KissOdometry
+from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
 from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId, Trajectory

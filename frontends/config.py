@@ -195,11 +195,3 @@ class IntraRobotLoopSettings(Settings):
         lt=1,
         description="pairs that are farther apart by odometry, by this quantile of its drift, are none",
     )
-
-
-class FrontEndSettings(Settings):
-    """What one robot does with its scans before it meets others."""
-
-    odometry: OdometrySettings = OdometrySettings()
-    keyframes: KeyframeSettings = KeyframeSettings()
-    scan_context: ScanContextSettings = ScanContextSettings()

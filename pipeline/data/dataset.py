@@ -13,7 +13,7 @@ from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, read_dataset_file
 from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
-from wiclosure.pipeline.data.recorded_odometry import recorded_odometry
+from wiclosure.pipeline.data.odometry_reader import read_recorded_odometry
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.open import open_source
@@ -100,7 +100,7 @@ class Dataset:
         """
         recording = self.robots[robot]
         try:
-            trajectory = recorded_odometry(robot, recording, salvage=salvage)
+            trajectory = read_recorded_odometry(robot, recording, salvage=salvage)
         except InputError as error:
             raise InputError(f"robot {robot}: {error}") from error
         if trajectory is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Protocol, runtime_checkable
 
-from wiclosure.types import FilterResult, Scan, Trajectory, WirelessLog
+from wiclosure.types import FilterResult, Float32Array, FloatArray, Scan, Trajectory, WirelessLog
 
 
 @runtime_checkable
@@ -27,6 +27,37 @@ class ScanSource(Protocol):
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans in the order of the recording."""
+        ...
+
+
+class Odometry(Protocol):
+    """Follows one LiDAR through its scans, in order of time."""
+
+    @property
+    def voxel_size_m(self) -> float:
+        """The length that its map, and with it keyframes' clouds, are thinned by; NaN until the first scan tells."""
+        ...
+
+    def covers(self, scan: Scan) -> bool:
+        """Whether this scan can be followed; one that cannot is left out, counted and reported."""
+        ...
+
+    def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
+        """Next scan in; pose and deskewed points out.
+
+        Returns:
+            stamp_ns of the pose, that of the last point measured; `T_odom_body (4, 4)`; and the points `(N, 3)` within
+            range, in the body's axes at that instant.
+        """
+        ...
+
+    @property
+    def thinned(self) -> FloatArray | Float32Array:
+        """The last scan's points `(M, 3)` in the body's axes, one a voxel of half `voxel_size_m`.
+
+        Raises:
+            ValueError: no scan was registered yet.
+        """
         ...
 
 
