@@ -147,8 +147,9 @@ def dump_config(
 ) -> None:
     """Print the resolved configuration as YAML, every key with its unit and meaning."""
     from wiclosure.pipeline import config as configuration
+    from wiclosure.pipeline.presets import preset_names
 
-    known = "\n".join(configuration.preset_names())
+    known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
 
 
