@@ -10,7 +10,7 @@ from wiclosure.candidates import CandidatePairs, Prior, RelativePosePredictor, r
 from wiclosure.closure import Closure, Decision, Evidence, KeyframeId, worth_having
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan
-from wiclosure.trajectory import Trajectory
+from wiclosure.trajectory import Trajectory, require_own_names
 from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "Trajectory",
     "WirelessLog",
     "WirelessMeasurement",
+    "require_own_names",
     "robot_pairs",
     "worth_having",
 ]

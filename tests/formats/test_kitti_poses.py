@@ -13,7 +13,7 @@ from wiclosure.types import Trajectory
 
 def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
     poses = se3.exp(np.random.default_rng(0).normal(size=(20, 6)) * np.repeat([1.0, 1000.0], 3))
-    write_kitti_poses(tmp_path / "poses.txt", Trajectory("alpha", np.arange(20), poses))
+    write_kitti_poses(tmp_path / "poses.txt", Trajectory("alpha", np.arange(20) * 10**9, poses))
     np.testing.assert_array_equal(np.loadtxt(tmp_path / "poses.txt").reshape(20, 3, 4), poses[:, :3])
 
 
