@@ -165,9 +165,7 @@ def perfect(_: argparse.Namespace) -> None:
         rng = np.random.default_rng(seed)
         poses = se3.from_rotation_translation(_random_rotations(rng, 100), rng.normal(0, 100, (100, 3)))
         own = {r: rng.permutation(100) for r in ("a", "b")}
-        odometry = {
-            r: Trajectory(r, np.arange(100, dtype=np.int64), poses[own[r]]).moved(poses[n]) for n, r in enumerate(own)
-        }
+        odometry = {r: Trajectory(r, np.arange(100) * 10**9, poses[own[r]]).moved(poses[n]) for n, r in enumerate(own)}
         ends = rng.integers(0, 100, (40, 2))
         T = se3.between(poses[own["a"][ends[:, 0]]], poses[own["b"][ends[:, 1]]])
         closures = [

@@ -17,6 +17,7 @@ from wiclosure.types import (
     PredictionKind,
     Trajectory,
     WirelessLog,
+    require_own_names,
     robot_pairs,
 )
 from wiclosure.wiclosure_filter.alignment.align import align
@@ -48,9 +49,11 @@ class WiClosureFilter:
         """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
 
         Raises:
-            InputError: robots cannot be joined and `on_ambiguous` is `raise`; or more pairs pass than can be listed.
+            InputError: robots cannot be joined and `on_ambiguous` is `raise`; more pairs pass than can be listed; or a
+                trajectory stands under another robot's name.
         """
         start = perf_counter()
+        require_own_names(trajectories)
         # 1. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
         alignments = self.align(trajectories, wireless)
         # 2. One estimate of all trajectories, with the uncertainty of any two poses.
