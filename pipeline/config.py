@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -27,9 +25,9 @@ from wiclosure.frontends.config import (
     ScanContextSettings,
 )
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
+from wiclosure.pipeline.presets import Layer, read_layers
 from wiclosure.pipeline.runtime.settings_text import explain, merge, nest, nested_words
 from wiclosure.settings import Settings
-from wiclosure.suggestions import did_you_mean
 from wiclosure.wiclosure_filter.config import FilterSettings
 
 ENVIRONMENT_PREFIX = "WICLOSURE_"
@@ -62,16 +60,16 @@ def load_config(
     """The configuration from all its places.
 
     Args:
-        sources: paths of YAML files, or names of presets in `wiclosure.configs`, each laid over those before it.
+        sources: paths of YAML files, or names of presets, each laid over those before it, after what it extends.
         environment: usually `os.environ`.
         overrides: `key.path=value` words, values in YAML.
 
     Raises:
         ConfigError: names the key, the value and the place it came from, and suggests the near key.
     """
-    layers = [_read_file(source) for source in sources]
-    layers.append(("the environment", _from_environment(environment or {})))
-    layers.append(("--set", nested_words(overrides, "--set")))
+    layers = [layer for source in sources for layer in read_layers(source)]
+    layers.append(Layer("the environment", _from_environment(environment or {})))
+    layers.append(Layer("--set", nested_words(overrides, "--set")))
     merged: dict[str, Any] = {}
     for place, layer in layers:
         merged = merge(merged, layer)
@@ -105,40 +103,9 @@ def resolve(
     return load_config(*sources, environment=os.environ, overrides=words)
 
 
-def preset_names() -> list[str]:
-    """Names of the presets that `--config NAME` takes."""
-    return sorted(
-        p.name.removesuffix(".yaml") for p in files("wiclosure.configs").iterdir() if p.name.endswith(".yaml")
-    )
-
-
 def dump_config(config: BaseModel, *, comments: bool = True) -> str:
     """The configuration as YAML, each key with its meaning as a comment."""
     return "\n".join(_yaml_lines(config, indent="", comments=comments)) + "\n"
-
-
-def _read_file(source: str) -> tuple[str, dict[str, Any]]:
-    path = Path(source)
-    preset = files("wiclosure.configs") / f"{source}.yaml"
-    if path.is_file():
-        text = path.read_text(encoding="utf-8", errors="replace")
-    elif "/" not in source and preset.is_file():
-        text = preset.read_text(encoding="utf-8")
-    else:
-        known = preset_names()
-        hint = did_you_mean(source, known)
-        raise ConfigError(f"configuration {source} not found; {hint}give a YAML file or a preset: {', '.join(known)}")
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{source} is not valid YAML: {' '.join(str(error).split())}") from None
-    if content is None:
-        content = {}
-    if not isinstance(content, dict):
-        raise ConfigError(
-            f"{source} holds a {type(content).__name__}; expected keys and values (see wiclosure dump-config)"
-        )
-    return source, content
 
 
 def _from_environment(environment: Mapping[str, str]) -> dict[str, Any]:

@@ -73,8 +73,8 @@ class CandidateFilter(Protocol):
         """Kept pairs between the keyframe trajectories of all robots.
 
         Args:
-            trajectories: keyframe odometry by robot name; indices in the result refer to these poses. Each robot
-                has its own, unknown odometry frame. Stamps of all robots come from one clock.
+            trajectories: keyframe odometry by the robot's name, which it carries too; indices in the result refer to
+                these poses. Each robot has its own, unknown odometry frame. Stamps of all robots come from one clock.
             wireless: measurements and headings of these robots.
         """
         ...
