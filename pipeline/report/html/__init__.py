@@ -1,6 +1,5 @@
 """The page that a run, a comparison, a filter or an optimisation leaves: one file that needs no network."""
 
-from wiclosure.pipeline.report.html.page import write_page
-from wiclosure.pipeline.report.html.run_data import run_data
+from wiclosure.pipeline.report.html.report import write_again, write_comparison_report, write_run_report
 
-__all__ = ["run_data", "write_page"]
+__all__ = ["write_again", "write_comparison_report", "write_run_report"]

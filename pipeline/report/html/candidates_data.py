@@ -53,7 +53,7 @@ def _matrix(result: RunResult, pairs: CandidatePairs) -> dict[str, Any]:
 
 def _share(count: FloatArray, size: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Shares as bytes; what is there at all stays visible."""
-    return np.ceil(255 * count / size).astype(np.uint8).ravel()
+    return np.asarray(np.ceil(255 * count / size), np.uint8).ravel()
 
 
 def _overlap(

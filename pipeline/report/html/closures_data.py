@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.evaluation.metrics import StageCount
 from wiclosure.pipeline.report.html.packing import packed
 from wiclosure.pipeline.stages.run import RunResult
@@ -19,12 +20,7 @@ CLOUD_SCALE_M = 0.02
 CLOUD_POINTS = 1_500
 CLOUDS = 400
 _FIGURES = re.compile(r"-?\d[\d.,^]*")
-_STAGE_OF = {  # where in the funnel a rejected closure was lost
-    Stage.REGISTRATION: "registered",
-    Stage.RADIO_CHECK: "radio",
-    Stage.CONSISTENCY: "PCM",
-    Stage.ESTIMATE: "graph",
-}
+_STAGE_OF = {stage: name for name, stage in MEASURED.items()}  # where in the funnel a rejected closure was lost
 
 
 def closure_rows(result: RunResult, origin: np.ndarray[Any, Any]) -> list[dict[str, Any]]:

@@ -23,9 +23,7 @@ def radio_pairs(result: RunResult, origin: np.ndarray[Any, Any]) -> list[dict[st
 def _pair(result: RunResult, alignment: FrameAlignment, origin: np.ndarray[Any, Any]) -> dict[str, Any]:
     a, b = alignment.robot_a, alignment.robot_b
     heard = [
-        (row, m)
-        for row, m in enumerate(result.inputs.wireless.measurements)
-        if {m.receiver, m.transmitter} == {a, b}
+        (row, m) for row, m in enumerate(result.inputs.wireless.measurements) if {m.receiver, m.transmitter} == {a, b}
     ]
     step = max(1, -(-len(heard) // MEASUREMENTS))
     heard = heard[::step]
@@ -122,7 +120,7 @@ def _paths(alignment: FrameAlignment, heard: list[tuple[int, WirelessMeasurement
         if m.aoa_frame != "body":
             continue
         # The kept path comes first, so that it is shown even where there are more than can be.
-        order = sorted(range(len(m.paths)), key=lambda k, row=row, m=m: ((row, k) not in chosen, -m.paths[k].weight))
-        for place, k in enumerate(order[:most]):
+        ranks = [((row, k) not in chosen, -path.weight, k) for k, path in enumerate(m.paths)]
+        for place, (_, _, k) in enumerate(sorted(ranks)[:most]):
             azimuth[n, place], kept[n, place] = m.paths[k].azimuth, (row, k) in chosen
     return azimuth, kept

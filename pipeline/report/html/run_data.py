@@ -70,7 +70,7 @@ def _robot(result: RunResult, number: int, robot: str, origin: np.ndarray[Any, A
         "colour": robot_colour(number),
         "connected": robot in result.solution.graph.components[0],
         "merged": packed(_thinned(merged.positions - origin).astype(np.float32)),
-        "odometry": packed(_thinned(own + beside + own.mean(axis=0) * 0).astype(np.float32)),
+        "odometry": packed(_thinned(own + beside).astype(np.float32)),
         "keyframes": packed((keyframes.positions - origin).astype(np.float32)),
         "keyframe_times": packed(((keyframes.stamps_ns - began_ns) * 1e-9).astype(np.float32)),
         "truth": None if truth is None else _truth(result, robot, truth, origin),

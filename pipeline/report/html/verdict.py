@@ -56,8 +56,8 @@ def compared(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
         values = [of[label] for of in figures]
         row: list[Any] = [label, *values]
         if len(arms) == 2:
-            both = None not in values
-            row.append(values[1] - values[0] if both else None)
+            first, last = values
+            row.append(None if first is None or last is None else last - first)
         rows.append(row)
     return {"header": header, "rows": rows, "note": "ATE: one rigid alignment for all robots of the team."}
 

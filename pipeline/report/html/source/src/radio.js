@@ -24,19 +24,14 @@ export async function radio(pair) {
       [Array.from(times), Array.from(range, (v, i) => (Number.isNaN(v) || Number.isNaN(estimate[i]) ? null : v - estimate[i]))]);
   }
   if (azimuth?.length) {
-    const byTime = Array.from(times.keys());
     const width = azimuth.length / times.length;
-    const series = [{ label: "direction by the estimate", colour: "text" }];
-    const data = [Array.from(times), numbers(direction).map((v) => v && (v * 180) / Math.PI)];
-    for (let k = 0; k < width; k++)
-      for (const [flag, label, colour] of [[1, "kept", "found"], [0, "left out", "faint"]]) {
-        const values = byTime.map((i) => (kept[i * width + k] === flag && !Number.isNaN(azimuth[i * width + k]) ? (azimuth[i * width + k] * 180) / Math.PI : null));
-        if (values.some((v) => v !== null)) {
-          data.push(values);
-          series.push({ label: `path ${label}`, colour, points: true });
-        }
-      }
-    add("Paths, and the direction by the estimate, degrees", "°", series, data);
+    const degrees = (v) => (Number.isNaN(v) ? null : (v * 180) / Math.PI);
+    const paths = (flag) => Array.from(azimuth, (v, i) => (kept[i] === flag ? degrees(v) : null));
+    add("Paths, and the direction by the estimate, degrees counter-clockwise from ahead", "degrees",
+      [{ label: "direction by the estimate", colour: "text" }, { label: "path kept", colour: "found", points: true },
+        { label: "path left out", colour: "faint", points: true }],
+      [Array.from(azimuth, (_, i) => times[Math.floor(i / width)]), // every path at its time
+        Array.from(azimuth, (_, i) => degrees(direction[Math.floor(i / width)])), paths(1), paths(0)]);
   }
   const redraw = () => charts.forEach((draw) => draw());
   document.addEventListener("themechange", redraw);

@@ -1,13 +1,14 @@
 // The merged map in 3-D: points, trajectories, keyframes, closures, radio links.  Drawn when something changes only.
 import {
-  BufferAttribute, BufferGeometry, Color, Group, Line, LineBasicMaterial, LineSegments, PerspectiveCamera, Points,
-  PointsMaterial, Scene, Sphere, Vector3, WebGLRenderer,
+  BufferAttribute, BufferGeometry, Color, ColorManagement, Group, Line, LineBasicMaterial, LinearSRGBColorSpace, LineSegments,
+  PerspectiveCamera, Points, PointsMaterial, Scene, Sphere, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { decode } from "./decode.js";
 import { el, figure, palette, toggles } from "./dom.js";
 
 const PICK_PIXELS = 14;
+ColorManagement.enabled = false; // colours as the page has them, no lighting
 
 export async function scene3d(run, { onClosure }) {
   const canvas = el("canvas", {
@@ -23,6 +24,7 @@ export async function scene3d(run, { onClosure }) {
   } catch {
     return el("p", { class: "note" }, "This browser draws no WebGL; the pictures beside the report show the same from above.");
   }
+  renderer.outputColorSpace = LinearSRGBColorSpace;
   const scene = new Scene();
   const camera = new PerspectiveCamera(50, 1, 0.1, 1e5);
   camera.up.set(0, 0, 1);
@@ -185,8 +187,8 @@ async function mapPoints(map) {
     out[at + 1] = 255 * (0.25 + 0.65 * s);
     out[at + 2] = 255 * Math.max(0.1, 0.75 - 0.65 * s);
   };
-  const rgb = map.colours.map((hex) => new Color(hex).convertLinearToSRGB()).map((c, k) => {
-    const value = parseInt(map.colours[k].slice(1), 16);
+  const rgb = map.colours.map((hex) => {
+    const value = parseInt(hex.slice(1), 16);
     return [value >> 16, (value >> 8) & 255, value & 255];
   });
   const colour = {
