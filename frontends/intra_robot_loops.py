@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from scipy import stats
 
 from wiclosure.frontends.config import IntraRobotLoopSettings
-from wiclosure.types import CandidatePairs, FloatArray, IntArray, Trajectory
+from wiclosure.types import CandidatePairs, FloatArray, IntArray, PredictionKind, Trajectory
 
 _ROWS_AT_ONCE = 256
 
 
 class OdometryPredictor:
     """Predicts where a robot was relative to where it is by its odometry, whose drift says how sure that is."""
+
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     def __init__(self, keyframes: Trajectory) -> None:
         self._keyframes = keyframes
