@@ -278,8 +278,9 @@ def measured_poses(closures: Sequence[Closure]) -> tuple[FloatArray, FloatArray]
     if missing := next((closure for closure in closures if closure.measured is None), None):
         raise ValueError(f"{missing} has no measured pose")
     measured = [closure.measured for closure in closures if closure.measured is not None]
-    T_query_match = np.array([m.T_query_match for m in measured], float).reshape(-1, 4, 4)
-    return T_query_match, np.array([m.covariance for m in measured], float).reshape(-1, 6, 6)
+    if not measured:
+        return np.zeros((0, 4, 4)), np.zeros((0, 6, 6))
+    return np.stack([m.T_query_match for m in measured]), np.stack([m.covariance for m in measured])
 
 
 def _check_shapes(what: str, T_query_match: FloatArray, covariance: FloatArray) -> None:
