@@ -89,7 +89,7 @@ class MatchingSettings(Settings):
         "mean-height", description="what of a ring is searched by (paper and DiSCo-SLAM: occupied-share)"
     )
     ring_key_neighbours: int | None = Field(
-        50, ge=1, description="candidates a keyframe with the most similar ring keys; none: every pair is compared"
+        50, ge=1, description="candidates per keyframe, with the most similar ring keys; none: every pair is compared"
     )
     candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
     lateral_shift_m: float | None = Field(
