@@ -26,7 +26,7 @@ def open_inputs(
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
         wireless: wireless logs besides those of the data set.
-        limit: read at most so many scans a robot.
+        limit: read at most so many scans per robot.
         salvage: use what can be read of damaged bags.
 
     Raises:
