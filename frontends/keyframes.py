@@ -51,7 +51,7 @@ class LocalMap:
 
 
 class KeyframeCollector:
-    """Keeps the keyframes of one robot: which scans they are, and their clouds."""
+    """Keeps the keyframes along one robot's path: which scans they are, and their clouds."""
 
     def __init__(self, settings: KeyframeSettings) -> None:
         self._settings = settings
