@@ -21,7 +21,7 @@ COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *_MATCHING, *_REGISTRATION, *_B
 
 
 def write_closures(path: Path, closures: Sequence[Closure], keyframes: Mapping[str, Trajectory]) -> None:
-    """Writes one row a closure; empty fields are unknown.
+    """Writes one row per closure; empty fields are unknown.
 
     Args:
         path: the file.
