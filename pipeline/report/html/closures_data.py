@@ -5,60 +5,80 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from itertools import chain, zip_longest
 from typing import Any
 
 import numpy as np
 
-from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import ClosureJudge
 from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.evaluation.metrics import StageCount
-from wiclosure.pipeline.report.html.packing import packed
-from wiclosure.pipeline.stages.run import RunResult
-from wiclosure.types import Closure, KeyframeId, Stage
+from wiclosure.pipeline.report.html.packing import Array, along_curve, packed_steps
+from wiclosure.pipeline.report.html.scene_data import Placement
+from wiclosure.pipeline.stages.closures_csv import decision
+from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
 
-CLOUD_SCALE_M = 0.02
+CLOUD_STEP_M = 0.05
 CLOUD_POINTS = 1_500
-CLOUDS = 400
+CLOUDS = 300
 _FIGURES = re.compile(r"-?\d[\d.,^]*")
 _STAGE_OF = {stage: name for name, stage in MEASURED.items()}  # where in the funnel a rejected closure was lost
 
 
-def closure_rows(result: RunResult, origin: np.ndarray[Any, Any]) -> list[dict[str, Any]]:
-    """One entry for each proposed closure."""
-    graph, closures = result.solution.graph, result.solution.closures
-    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
-    settings = result.config.evaluation
-    truth = in_lidar_axes(result.merged, result.inputs.ground_truth, settings.ground_truth_gap_s)
-    right, known = settings.judge(keyframes, truth).right(closures)
-    component = {robot: n for n, group in enumerate(graph.components) for robot in group}
-    rows = []
-    for k, closure in enumerate(closures):
-        ends = [graph.trajectories[key.robot].positions[key.index] - origin for key in (closure.query, closure.match)]
-        together = component[closure.query.robot] == component[closure.match.robot]
-        rows.append(
-            {
-                "query": [closure.query.robot, closure.query.index],
-                "match": [closure.match.robot, closure.match.index],
-                "decision": "accepted" if closure.rejected_at is None else "rejected",
-                "rejected_at": None if closure.rejected_at is None else str(closure.rejected_at),
-                "reason": closure.reason,
-                "ends": _rounded(np.concatenate(ends)) if together else None,
-                "T_query_match": _rounded(closure.best_T_query_match.ravel(), 5),
-                "right": ("yes" if right[k] else "no") if known[k] else None,
-                **_evidence(closure),
-            }
-        )
-    return rows
+def closure_rows(
+    closures: Sequence[Closure],
+    keyframes: Mapping[str, Trajectory],
+    placement: Placement,
+    judge: ClosureJudge | None = None,
+) -> list[dict[str, Any]]:
+    """One entry for each closure.
+
+    Args:
+        closures: with their final decision.
+        keyframes: poses in the world of each component.
+        placement: where robots are drawn.
+        judge: tells by ground truth which are true.
+    """
+    true = _true(closures, judge)
+    return [
+        {
+            "query": [closure.query.robot, closure.query.index],
+            "match": [closure.match.robot, closure.match.index],
+            "decision": decision(closure),
+            "rejected_at": None if closure.rejected_at is None else str(closure.rejected_at),
+            "reason": closure.reason,
+            "ends": _ends(closure, keyframes, placement),
+            "T_query_match": _rounded(closure.best_T_query_match[:3], 4),
+            "true": true.get(row),
+            **_evidence(closure),
+        }
+        for row, closure in enumerate(closures)
+    ]
 
 
-def _evidence(closure: Closure) -> dict[str, Any]:
+def _true(closures: Sequence[Closure], judge: ClosureJudge | None) -> dict[int, bool]:
+    """By row, of the measured closures that ground truth covers."""
+    rows = [row for row, closure in enumerate(closures) if closure.measured is not None]
+    if judge is None or not rows:
+        return {}
+    right, known = judge.right([closures[row] for row in rows])
+    return {row: bool(right[n]) for n, row in enumerate(rows) if known[n]}
+
+
+def _ends(closure: Closure, keyframes: Mapping[str, Trajectory], placement: Placement) -> list[float]:
+    ends = [keyframes[k.robot].positions[k.index] + placement.offset[k.robot] for k in (closure.query, closure.match)]
+    return _rounded(np.concatenate(ends), 2)
+
+
+def _evidence(closure: Closure) -> dict[str, float | None]:
+    """What speaks for and against a closure; figures that nothing tells are left out."""
     found = closure.evidence
     figures: dict[str, float | None] = {
         "scan_context_distance": None if closure.scan_context is None else closure.scan_context.distance,
         "overlap_probability": closure.overlap_probability,
         "consistent_with": closure.consistent_with or None,
         "residual_m": None if closure.residual is None else closure.residual.translation_m,
-        "residual_rad": None if closure.residual is None else closure.residual.rotation_rad,
+        "residual_deg": None if closure.residual is None else float(np.degrees(closure.residual.rotation_rad)),
     }
     if found is not None:
         figures |= {
@@ -68,16 +88,11 @@ def _evidence(closure: Closure) -> dict[str, Any]:
             "agreement": found.agreement,
             "rms_m": found.rms_m,
         }
-    return {name: _number(value) for name, value in figures.items()}
+    return {name: float(f"{value:.4g}") for name, value in figures.items() if value is not None and np.isfinite(value)}
 
 
-def _number(value: float | None) -> float | None:
-    """JSON has no NaN; six digits are enough to look at."""
-    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
-
-
-def _rounded(values: np.ndarray[Any, Any], digits: int = 3) -> list[float]:
-    return [round(float(value), digits) for value in values]
+def _rounded(values: Array, digits: int) -> list[float]:
+    return [round(float(value), digits) for value in values.ravel()]
 
 
 def stages_with_reasons(funnel: Sequence[StageCount], closures: Sequence[Closure]) -> list[dict[str, Any]]:
@@ -85,7 +100,7 @@ def stages_with_reasons(funnel: Sequence[StageCount], closures: Sequence[Closure
     lost: Mapping[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     for row, closure in enumerate(closures):
         if closure.rejected_at in _STAGE_OF:
-            lost[_STAGE_OF[closure.rejected_at]][_FIGURES.sub("#", closure.reason)].append(row)
+            lost[_STAGE_OF[closure.rejected_at]][reason_kind(closure.reason)].append(row)
     return [
         {
             **stage,
@@ -98,24 +113,25 @@ def stages_with_reasons(funnel: Sequence[StageCount], closures: Sequence[Closure
     ]
 
 
-def scans_of_closures(result: RunResult) -> dict[str, Any]:
-    """The scans of the first closures, thinned, accepted ones before those that came far before the rest."""
-    ordered = sorted(result.solution.closures, key=lambda c: -int(c.rejected_at or Stage.ESTIMATE + 1))
+def reason_kind(reason: str) -> str:
+    """A reason without its figures, so that like ones can be counted."""
+    return _FIGURES.sub("…", reason)
+
+
+def scans_of_closures(closures: Sequence[Closure], clouds: Mapping[str, Sequence[Float32Array]]) -> dict[str, Any]:
+    """Thinned scans by `robot:index`, of accepted and rejected closures in turn, those that came far first."""
+    far_first = sorted(closures, key=lambda c: -int(c.rejected_at or 0))
+    accepted = [c for c in closures if c.rejected_at is None]
+    rejected = [c for c in far_first if c.rejected_at is not None]
     keys: dict[KeyframeId, None] = {}
-    for closure in ordered:
+    for closure in chain.from_iterable(zip_longest(accepted, rejected)):
         if len(keys) >= CLOUDS:
             break
-        keys |= {closure.query: None, closure.match: None}
-    return {
-        "cloud_scale_m": CLOUD_SCALE_M,
-        "clouds": {
-            f"{key.robot}:{key.index}": _cloud(result.fronts[key.robot].clouds[key.index]) for key in list(keys)
-        },
-    }
+        keys |= {} if closure is None else {closure.query: None, closure.match: None}
+    return {f"{key.robot}:{key.index}": _cloud(clouds[key.robot][key.index]) for key in keys}
 
 
-def _cloud(points: np.ndarray[Any, Any]) -> dict[str, Any]:
-    finite = points[np.isfinite(points).all(axis=1)]
-    step = max(1, -(-len(finite) // CLOUD_POINTS))
-    limit = np.iinfo(np.int16).max
-    return packed(np.clip(np.round(finite[::step] / CLOUD_SCALE_M), -limit, limit).astype(np.int16))
+def _cloud(points: FloatArray | Float32Array) -> dict[str, Any]:
+    finite = np.asarray(points[np.isfinite(points).all(axis=1)], float)
+    thinned = finite[:: max(1, -(-len(finite) // CLOUD_POINTS))]
+    return packed_steps(thinned[along_curve(thinned, CLOUD_STEP_M)], CLOUD_STEP_M)

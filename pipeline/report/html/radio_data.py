@@ -2,39 +2,66 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.pipeline.report.html.packing import packed
-from wiclosure.pipeline.stages.run import RunResult
-from wiclosure.types import FloatArray, FrameAlignment, Trajectory, WirelessMeasurement
+from wiclosure.arrays import BoolArray
+from wiclosure.pipeline.report.html.packing import packed_bytes, packed_steps
+from wiclosure.types import FloatArray, FrameAlignment, Trajectory, WirelessLog, WirelessMeasurement
 
 MEASUREMENTS = 2_000
+MEASUREMENTS_OF_ALL = 30_000
 PATHS = 8
+MOST_LOG_ODDS = 50.0
+
+Heard: TypeAlias = list[tuple[int, WirelessMeasurement]]
+"""Measurements of two robots with their rows in the log."""
 
 
-def radio_pairs(result: RunResult, origin: np.ndarray[Any, Any]) -> list[dict[str, Any]]:
-    """One entry for each pair of robots of which the radio says anything."""
-    return [_pair(result, alignment, origin) for alignment in result.solution.filtered.alignments]
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Where two robots were, in one frame.
+
+    Args:
+        a, b: their paths; None where nothing tells.
+        offset: `(3,)` m to add for the 3-D view; None: they are not drawn there in one frame.
+    """
+
+    a: Trajectory | None
+    b: Trajectory | None
+    offset: FloatArray | None
 
 
-def _pair(result: RunResult, alignment: FrameAlignment, origin: np.ndarray[Any, Any]) -> dict[str, Any]:
+def radio_pair(
+    alignment: FrameAlignment, wireless: WirelessLog, tracks: Tracks, *, began_ns: int, of_pairs: int = 1
+) -> dict[str, Any]:
+    """What two robots measured of each other.
+
+    Args:
+        alignment: what the filter made of it.
+        wireless: the log.
+        tracks: the estimate.
+        began_ns: time zero of the page.
+        of_pairs: how many pairs of robots share the page.
+    """
     a, b = alignment.robot_a, alignment.robot_b
-    heard = [
-        (row, m) for row, m in enumerate(result.inputs.wireless.measurements) if {m.receiver, m.transmitter} == {a, b}
-    ]
-    step = max(1, -(-len(heard) // MEASUREMENTS))
-    heard = heard[::step]
-    certainty = "certain" if not alignment.ambiguous else "not certain"
+    heard = [(row, m) for row, m in enumerate(wireless.measurements) if {m.receiver, m.transmitter} == {a, b}]
+    heard.sort(key=lambda entry: entry[1].stamp_ns)
+    most = max(100, min(MEASUREMENTS, MEASUREMENTS_OF_ALL // of_pairs))
+    shown = heard[:: max(1, -(-len(heard) // most))]
     return {
         "a": a,
         "b": b,
-        "says": f"Alignment {certainty}: {alignment.reason}.",
+        "certain": not alignment.ambiguous,
+        "reason": alignment.reason,
+        "measured": len(heard),
         "sigma": _sigma(alignment),
-        "alternatives": _alternatives(alignment),
-        **_over_time(result, alignment, heard, origin),
+        "alternatives": alternatives(alignment),
+        **_over_time(alignment, shown, tracks, began_ns),
     }
 
 
@@ -48,17 +75,18 @@ def _sigma(alignment: FrameAlignment) -> dict[str, float] | None:
     }
 
 
-def _alternatives(alignment: FrameAlignment) -> list[dict[str, float]]:
-    others = alignment.rivals or (() if alignment.runner_up is None else (alignment.runner_up,))
+def alternatives(alignment: FrameAlignment) -> list[dict[str, float]]:
+    """Other ways in which the two frames may lie: odds of the best against each, and how far it is from the best."""
     if alignment.best is None:
         return []
+    others = alignment.rivals or (() if alignment.runner_up is None else (alignment.runner_up,))
     found = []
     for other in others:
         between = se3.between(alignment.best.T_a_b, other.T_a_b)
-        odds = np.exp(min(alignment.best.log_likelihood - other.log_likelihood, 50.0))
+        log_odds = alignment.best.log_likelihood - other.log_likelihood
         found.append(
             {
-                "odds": float(odds),
+                "odds": float(np.exp(min(log_odds, MOST_LOG_ODDS))),
                 "apart_m": float(np.linalg.norm(between[:3, 3])),
                 "turned_deg": float(np.degrees(se3.rotation_angle(between[None])[0])),
             }
@@ -66,53 +94,52 @@ def _alternatives(alignment: FrameAlignment) -> list[dict[str, float]]:
     return found
 
 
-def _over_time(
-    result: RunResult,
-    alignment: FrameAlignment,
-    heard: list[tuple[int, WirelessMeasurement]],
-    origin: np.ndarray[Any, Any],
-) -> dict[str, Any]:
+def _over_time(alignment: FrameAlignment, heard: Heard, tracks: Tracks, began_ns: int) -> dict[str, Any]:
     stamps_ns = np.array([m.stamp_ns for _, m in heard], np.int64)
-    began_ns = min(int(front.odometry.stamps_ns[0]) for front in result.fronts.values())
-    where = {robot: _track(result, alignment, robot) for robot in (alignment.robot_a, alignment.robot_b)}
-    none = np.full((len(heard), 4, 4), np.nan)
-    poses = {robot: none if t is None or not len(heard) else t.at(stamps_ns) for robot, t in where.items()}
-    a_receives = np.array([m.receiver == alignment.robot_a for _, m in heard], bool)[:, None, None]
-    here, there = (
-        np.where(a_receives, poses[x], poses[y])
-        for x, y in ((alignment.robot_a, alignment.robot_b), (alignment.robot_b, alignment.robot_a))
-    )
+    a_receives = np.array([m.receiver == alignment.robot_a for _, m in heard], bool)
+    here, there = _antennas(alignment, [m for _, m in heard], a_receives, tracks)
     seen = np.einsum("nji,nj->ni", here[:, :3, :3], there[:, :3, 3] - here[:, :3, 3])
     azimuth, kept = _paths(alignment, heard)
-    ends = np.stack([here[:, :3, 3], there[:, :3, 3]], axis=1) - origin
-    drawn = _same_component(result, alignment) and bool(np.isfinite(ends).all())
+    ends = np.concatenate([here[:, :3, 3], there[:, :3, 3]], axis=1)
+    if tracks.offset is not None:
+        ends += np.tile(tracks.offset, 2)
     return {
-        "times": packed(((stamps_ns - began_ns) * 1e-9).astype(np.float64)),
-        "range": packed(np.array([np.nan if m.range_m is None else m.range_m for _, m in heard], np.float32)),
-        "estimate": packed(np.linalg.norm(seen, axis=1).astype(np.float32)),
-        "direction": packed(np.arctan2(seen[:, 1], seen[:, 0]).astype(np.float32)),
-        "azimuth": packed(azimuth.astype(np.float32).ravel()),
-        "azimuth_kept": packed(kept.astype(np.uint8).ravel()),
-        "ends": packed(ends.astype(np.float32).ravel()) if drawn else None,
+        "times": packed_steps((stamps_ns - began_ns) * 1e-9, 1e-3),
+        "a_receives": packed_bytes(a_receives),
+        "range": packed_steps(np.array([np.nan if m.range_m is None else m.range_m for _, m in heard]), 1e-3),
+        "estimate": packed_steps(np.linalg.norm(seen, axis=1), 1e-3),
+        "direction": packed_steps(np.degrees(np.arctan2(seen[:, 1], seen[:, 0])), 0.01),
+        "paths": azimuth.shape[1],
+        "azimuth": packed_steps((np.degrees(azimuth) + 180.0) % 360.0 - 180.0, 0.01),
+        "azimuth_kept": packed_bytes(kept),
+        "ends": packed_steps(ends, 0.01) if tracks.offset is not None and np.isfinite(ends).all() else None,
     }
 
 
-def _same_component(result: RunResult, alignment: FrameAlignment) -> bool:
-    return any({alignment.robot_a, alignment.robot_b} <= set(c) for c in result.solution.graph.components)
+def _antennas(
+    alignment: FrameAlignment, heard: Sequence[WirelessMeasurement], a_receives: BoolArray, tracks: Tracks
+) -> tuple[FloatArray, FloatArray]:
+    """Poses `(N, 4, 4)` of the receiving and the sending antenna, in the axes of the bodies, NaN where unknown."""
+    track = {alignment.robot_a: tracks.a, alignment.robot_b: tracks.b}
+    received_ns = np.array([m.stamp_ns for m in heard], np.int64)
+    sent_ns = np.array([m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns for m in heard])
+    arms = [np.array([m.lever_arm_receiver for m in heard]), np.array([m.lever_arm_transmitter for m in heard])]
+    found = []
+    for stamps_ns, arm, a_here in zip((received_ns, sent_ns), arms, (a_receives, ~a_receives), strict=True):
+        poses = np.full((len(heard), 4, 4), np.nan)
+        for robot, rows in ((alignment.robot_a, a_here), (alignment.robot_b, ~a_here)):
+            path = track[robot]
+            if path is not None and rows.any():
+                poses[rows] = path.at(stamps_ns[rows].astype(np.int64))
+        poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], arm.reshape(-1, 3))
+        found.append(poses)
+    return found[0], found[1]
 
 
-def _track(result: RunResult, alignment: FrameAlignment, robot: str) -> Trajectory | None:
-    """Where a robot was: in the merged world, or, if nothing connects the two, as the radio aligns them."""
-    if _same_component(result, alignment):
-        return result.merged[robot]
-    if alignment.best is None:
-        return None
-    odometry = result.fronts[robot].odometry
-    return odometry if robot == alignment.robot_a else odometry.moved(alignment.best.T_a_b)
-
-
-def _paths(alignment: FrameAlignment, heard: list[tuple[int, WirelessMeasurement]]) -> tuple[FloatArray, FloatArray]:
-    """Azimuths in the receiver's body axes `(N, K)`, NaN where there is none or other axes, and which are kept."""
+def _paths(
+    alignment: FrameAlignment, heard: Sequence[tuple[int, WirelessMeasurement]]
+) -> tuple[FloatArray, FloatArray]:
+    """Azimuths in the receiver's body axes `(N, K)` rad, NaN where there is none or other axes, and which are kept."""
     chosen = set() if alignment.best is None else set(alignment.best.paths_kept)
     most = min(PATHS, max((len(m.paths) for _, m in heard), default=0))
     azimuth, kept = np.full((len(heard), most), np.nan), np.zeros((len(heard), most))

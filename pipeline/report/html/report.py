@@ -1,107 +1,93 @@
-"""`report.html` of a run or a comparison, and the data that it is made of again."""
+"""`report.html` of a run, a comparison, a filter or an optimisation."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.report.html.packing import packed, unpacked
-from wiclosure.pipeline.report.html.page import write_page
-from wiclosure.pipeline.report.html.run_data import MAP_POINTS, run_data
-from wiclosure.pipeline.report.html.verdict import compared, headline_numbers, verdict
+from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
+from wiclosure.pipeline.report.html.run_data import run_data
+from wiclosure.pipeline.report.html.scene_data import fewer_points
+from wiclosure.pipeline.report.html.side_by_side import side_by_side
 from wiclosure.pipeline.stages.run import RunResult
 
-PAGE = "report.html"
-DATA = "report_data.json"
+COMPARED_POINTS = 500_000
+MOST_ARMS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm of a comparison: its name, and its run folder."""
+
+    name: str
+    folder: Path
 
 
 def write_run_report(folder: Path, result: RunResult) -> None:
-    """Writes `report.html` and `report_data.json` of a run.
+    """Writes `report.html` of a run into its folder.
 
     Raises:
-        OutputError: they cannot be written.
+        OutputError: it cannot be written.
     """
-    data = run_data(result, result.solution.filtered.filter_name)
-    (folder / DATA).write_text(json.dumps(data, allow_nan=False, separators=(",", ":")), encoding="utf-8")
-    _write(folder / PAGE, [data])
+    run = run_data(result)
+    title = f"{_names(run)}: run with the filter {run['name']}"
+    write_page(folder / PAGE, {"kind": "run", "title": title, "runs": [run], "metrics": result.metrics})
 
 
-def write_comparison_report(folder: Path, arms: Sequence[Path]) -> None:
+def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequence[Arm]) -> None:
     """Writes `report.html` of a comparison.
 
     Args:
         folder: of the comparison.
-        arms: run folders of the arms to show, below it; the first is what the others are compared with.
+        summary: `of` (what was compared, for the title), `verdict` and `tables` over all arms and worlds.
+        arms: those to look at, at most `MOST_ARMS` of which are taken; the first is what others are compared with.
 
     Raises:
-        InputError: an arm holds no report data.
+        InputError: an arm holds no report.
         OutputError: it cannot be written.
     """
-    most = MAP_POINTS // max(len(arms), 1)
-    _write(folder / PAGE, [_with_map_of(_read(arm), most) for arm in arms])
+    pages = [(arm, read_page(arm.folder / PAGE)) for arm in arms[:MOST_ARMS]]
+    most = COMPARED_POINTS // max(len(pages), 1)
+    runs = [_thinned(page["runs"][0], arm.name, most) for arm, page in pages]
+    report = {
+        "kind": "comparison",
+        "title": f"{_names(runs[0])}: {summary['of']}",
+        "verdict": summary["verdict"],
+        "tables": [side_by_side([(arm.name, page["metrics"]) for arm, page in pages]), *summary["tables"]],
+        "runs": runs,
+    }
+    write_page(folder / PAGE, report)
 
 
 def write_again(folder: Path) -> Path:
-    """Makes the report of a finished run or comparison again.
+    """Writes the page of a finished result again, from the data in it, as this version draws it.
 
     Returns:
         The page.
 
     Raises:
-        InputError: the folder holds no run of this version.
+        InputError: the folder holds no report.
         OutputError: the page cannot be written.
     """
-    if (folder / DATA).exists():
-        _write(folder / PAGE, [_read(folder)])
-    else:
-        arms = sorted(path.parent for path in folder.glob(f"*/{DATA}")) or sorted(
-            path.parent for path in folder.rglob(DATA)
-        )
-        if not arms:
-            raise InputError(
-                f"{folder} holds no {DATA}; give a folder that wiclosure run, compare or demo of this version wrote"
-            )
-        arms.sort(key=lambda arm: arm.name != "none")
-        write_comparison_report(folder, arms)
-    return folder / PAGE
+    page = folder / PAGE
+    if not page.exists():
+        raise InputError(f"{folder} holds no {PAGE}; give a folder that wiclosure run, compare or demo wrote")
+    write_page(page, read_page(page))
+    return page
 
 
-def _read(folder: Path) -> dict[str, Any]:
-    path = folder / DATA
-    try:
-        data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}); run again") from error
-    if "metrics" not in data or "robots" not in data:
-        raise InputError(f"{path} does not hold the data of a report; run again")
-    return data
+def _thinned(run: dict[str, Any], name: str, most: int) -> dict[str, Any]:
+    """The same run under the name of its arm, with at most so many points in its map."""
+    entry = fewer_points(run["map"], most)
+    note = run["map_note"]
+    if entry is not run["map"] and entry is not None:
+        note = f"{entry['shown']:,} of the map's {entry['of']:,} points are drawn; the arm's own report shows more."
+    return run | {"name": name, "map": entry, "map_note": note}
 
 
-def _with_map_of(run: dict[str, Any], most: int) -> dict[str, Any]:
-    """The same run with at most so many points in its map; neighbours in the list are neighbours in space."""
-    shown = run["map"]
-    if shown is None or shown["shown"] <= most:
-        return run
-    step = -(-shown["shown"] // most)
-    thinned = {name: packed(unpacked(shown[name])[::step]) for name in ("xyz", "robot")}
-    count = thinned["robot"]["shape"][0]
-    note = f"{count:,} of the map's {shown['of']:,} points are drawn; map.ply holds all."
-    return run | {"map": shown | thinned | {"shown": count}, "map_note": note}
-
-
-def _write(path: Path, runs: Sequence[dict[str, Any]]) -> None:
-    """The page of one run, or of several side by side; the last is what the verdict is of."""
-    metrics = runs[-1]["metrics"]
-    robots = " and ".join(robot["name"] for robot in runs[-1]["robots"][:4])
-    report = {
-        "verdict": verdict(metrics),
-        "numbers": headline_numbers(metrics),
-        "comparison": compared([(run["name"], run["metrics"]) for run in runs]) if len(runs) > 1 else None,
-        "runs": list(runs),
-    }
-    write_page(path, f"wiclosure: {robots}", report)
+def _names(run: dict[str, Any]) -> str:
+    names = [robot["name"] for robot in run["robots"]]
+    return " and ".join(names) if len(names) <= 3 else f"{names[0]}, {names[1]} and {len(names) - 2} more robots"

@@ -8,13 +8,22 @@ from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics
 
 
 def figure_tables(metrics: Metrics) -> list[dict[str, Any]]:
-    """Tables with a caption, a header and rows."""
-    return [
+    """Tables with a caption, a header and rows; those without rows are left out."""
+    sent = metrics["bytes_exchanged"]
+    tables = [
         _candidates(metrics["candidates"], metrics["candidates_registrable"]),
         {
             "caption": "Closures",
             "header": ["", "number"],
             "rows": [[name.replace("_", ", "), count] for name, count in metrics["closures"].items()],
+        },
+        {
+            "caption": "Memory and radio traffic",
+            "header": ["", "MB"],
+            "rows": [
+                ["peak memory of the process", metrics["peak_rss_mb"]],
+                ["sent between robots", None if sent is None else sent / 1e6],
+            ],
         },
         {
             "caption": "Absolute trajectory error, m: one alignment for all connected robots",
@@ -38,7 +47,28 @@ def figure_tables(metrics: Metrics) -> list[dict[str, Any]]:
                 for pair, of in metrics["alignment"].items()
             ],
         },
+        {
+            "caption": "Relative pose error, root mean square",
+            "header": [
+                "robot",
+                "step, m",
+                "step, degrees",
+                "over, m",
+                "translation, m",
+                "translation, %",
+                "rotation, degrees",
+            ],
+            "rows": [
+                [
+                    robot,
+                    *(of["step_m"], of["step_deg"], of["distance_m"]),
+                    *(of["translation_m"], of["translation_percent"], of["rotation_deg"]),
+                ]
+                for robot, of in metrics["rpe"].items()
+            ],
+        },
     ]
+    return [table for table in tables if table["rows"]]
 
 
 def _candidates(overlap: CandidateMetrics, registrable: CandidateMetrics) -> dict[str, Any]:

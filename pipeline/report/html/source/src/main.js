@@ -1,108 +1,100 @@
 // Builds the page from the data that stands in it.
-import { closureDetail, closureTable, funnel } from "./closures.js";
-import { el, figure, table } from "./dom.js";
-import { matrix } from "./matrix.js";
+import { closureDialog, closureTable, funnel } from "./closures.js";
+import { choice, el, figure, table, toggles } from "./dom.js";
+import { matrices } from "./matrix.js";
 import { radio } from "./radio.js";
+import { report } from "./report.js";
 import { scene3d } from "./scene.js";
 
-const report = JSON.parse(document.getElementById("report-data").textContent);
-
 function section(id, title, ...children) {
-  const content = children.flat().filter(Boolean);
+  const content = children.flat(2).filter(Boolean);
   if (!content.length) return null;
   return el("section", { id, "aria-labelledby": `${id}-title` }, el("h2", { id: `${id}-title` }, title), content);
 }
 
-function cards(numbers) {
-  return el("dl", { class: "cards" }, numbers.map(({ label, value, note }) =>
-    el("div", {}, el("dt", {}, label), el("dd", {}, typeof value === "number" ? figure(value) : (value ?? "–")), note ? el("dd", { class: "note" }, note) : null)));
-}
+const cards = (numbers) => el("dl", { class: "cards" }, numbers.map(({ label, value, note }) =>
+  el("div", {}, el("dt", {}, label), el("dd", {}, value), note ? el("dd", { class: "note" }, note) : null)));
+
+const list = (sentences) => el("ul", {}, sentences.map((sentence) => el("li", {}, sentence)));
 
 function verdict(of) {
-  return el("div", { class: `verdict ${of.tone}`, role: "status" }, el("p", { class: "sentence" }, of.sentence),
-    of.next?.length ? el("ul", {}, of.next.map((step) => el("li", {}, step))) : null);
+  return el("div", { class: `verdict ${of.tone}` },
+    el("p", { class: "sentence" }, of.sentence),
+    of.next?.length ? [el("p", { class: "next" }, "What to do next"), list(of.next)] : null,
+    of.notes?.length ? el("details", { open: !of.next?.length }, el("summary", {}, "What the run says of itself"), list(of.notes)) : null);
 }
 
-function comparison(of) {
-  if (!of) return null;
+const tables = (of) => (of ?? []).map((t) => [table(t.caption, t.header, t.rows, { wide: t.header.join(" ").length > 55 }), t.note ? el("p", { class: "note" }, t.note) : null]);
+
+function costs(seconds) {
+  if (!seconds?.total) return null;
+  const bar = (value) => el("span", { class: "bar-cell" }, el("span", { class: "bar-track" }, el("span", { class: "bar", style: { width: `${(100 * value) / seconds.total}%` } })), `${figure((100 * value) / seconds.total, 2)} %`);
+  const stages = Object.entries(seconds).filter(([stage]) => stage !== "total");
+  return table("Seconds per stage, as from raw scans", ["stage", "seconds", "share"],
+    [...stages.map(([stage, value]) => [stage, value, bar(value)]), ["total", seconds.total, ""]]);
+}
+
+function reproduce(run) {
+  if (!run.versions && !run.config) return null;
   return [
-    table("Arms side by side", of.header, of.rows),
-    el("p", { class: "note" }, of.note ?? ""),
+    run.config ? el("p", {}, "With the same recordings and these versions: ", el("code", {}, report.kind === "filter" ? "wiclosure filter ... --config config.yaml" : report.kind === "optimisation" ? "wiclosure optimize ... --config config.yaml" : "wiclosure run DATA --config config.yaml"), ", where config.yaml is the configuration below.") : null,
+    run.versions ? table("Versions", ["package", "version"], Object.entries(run.versions)) : null,
+    run.config ? el("details", {}, el("summary", {}, "Configuration"), el("pre", { tabindex: "0" }, run.config)) : null,
   ];
 }
 
-function costs(run) {
-  if (!run.seconds) return null;
-  const total = run.seconds.total || 1;
-  const rows = Object.entries(run.seconds).filter(([stage]) => stage !== "total");
-  const bar = (seconds) => el("span", { class: "bar", style: { width: `${(100 * seconds) / total}%` } });
-  return [
-    table("Seconds per stage, as from raw scans", ["stage", "seconds", "share"], [
-      ...rows.map(([stage, seconds]) => [stage, seconds, el("span", { class: "bar-cell" }, bar(seconds), `${figure((100 * seconds) / total, 2)} %`)]),
-      ["total", run.seconds.total, ""],
-    ]),
-    table("Memory and bytes", ["what", "value"], [
-      ["peak memory, MB", run.peak_rss_mb], ["bytes between the robots", run.bytes_exchanged],
-    ]),
-  ];
-}
-
-async function showRun(run, arms) {
-  const detail = el("div", { id: "closure", "aria-live": "polite" });
-  const open = async (index) => {
-    detail.replaceChildren(await closureDetail(run, index));
-    detail.scrollIntoView({ block: "nearest" });
-  };
-  const closures = run.closures?.length ? closureTable(run, open) : null;
-  const main = document.getElementById("run");
-  main.replaceChildren(...[
-    arms.length > 1 ? el("p", { class: "note" }, `Everything below is of the arm ${run.name}.`) : null,
-    run.robots?.length ? section("map", "Merged map", await scene3d(run, { onClosure: open }), run.map_note ? el("p", { class: "note" }, run.map_note) : null) : null,
-    section("funnel", "What became of the candidates", run.funnel?.length ? funnel(run, (reason) => closures?.choose(reason)) : null),
-    section("closures", "Closures", closures?.node, closures ? detail : null),
-    section("candidates", "Candidate pairs", await Promise.all((run.matrices ?? []).map((pair, k) => matrix(pair, `${run.id}-${k}`)))),
-    section("radio", "What the radio said", await Promise.all((run.radio ?? []).map(radio))),
-    section("costs", "What it cost", costs(run)),
-    section("figures", "All figures", (run.tables ?? []).map((t) => table(t.caption, t.header, t.rows))),
-    section("reproduce", "To reproduce", el("p", {}, run.command ? el("code", {}, run.command) : "", ""),
-      run.versions ? table("Versions", ["package", "version"], Object.entries(run.versions), { numeric: false }) : null,
-      run.config ? el("details", {}, el("summary", {}, "Configuration"), el("pre", { tabindex: "0" }, run.config)) : null),
+async function showRun(run) {
+  let scene;
+  const dialog = run.closures?.length ? closureDialog(run, (index) => scene.highlight(index)) : null;
+  const closures = dialog ? closureTable(run, dialog.open) : null;
+  scene = await scene3d(run, (index) => dialog.open(index));
+  document.getElementById("run").replaceChildren(...[
+    report.runs.length > 1 ? verdict(run.verdict) : null,
+    report.runs.length > 1 && run.numbers?.length ? cards(run.numbers) : null,
+    section("map", run.map ? "Merged map" : "Paths", scene.node, run.map_note ? el("p", { class: "note" }, run.map_note) : null),
+    section("funnel", "What became of the candidates", run.funnel?.length ? funnel(run, closures?.chooseReason) : null),
+    section("closures", "Closures", closures?.node, dialog?.dialog),
+    section("candidates", "Candidate pairs", await matrices(run)),
+    section("radio", "What the radio said", await radio(run)),
+    section("costs", "What it cost", costs(run.seconds)),
+    section("figures", "All figures", run.tables?.length ? el("div", { class: "tables" }, tables(run.tables).flat()) : null),
+    section("reproduce", "To reproduce", reproduce(run)),
   ].filter(Boolean));
   navigation();
 }
 
 function navigation() {
-  const nav = document.querySelector("nav ul");
-  nav.replaceChildren(...[...document.querySelectorAll("main section[id]")].map((part) =>
+  document.querySelector("nav ul").replaceChildren(...[...document.querySelectorAll("main section[id]")].map((part) =>
     el("li", {}, el("a", { href: `#${part.id}` }, part.querySelector("h2").textContent))));
 }
 
-function theme() {
-  const choices = ["as the system", "light", "dark"];
-  const apply = (choice) => {
-    document.documentElement.dataset.theme = { light: "light", dark: "dark" }[choice] ?? "";
+function colours() {
+  const root = document.documentElement;
+  let chosen = "";
+  const apply = (theme) => {
+    root.dataset.theme = theme;
     document.dispatchEvent(new Event("themechange"));
   };
-  return el("label", { class: "theme" }, "Colours ",
-    el("select", { onchange: (event) => apply(event.target.value) }, choices.map((choice) => el("option", {}, choice))));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => apply(chosen));
+  addEventListener("beforeprint", () => apply("light"));
+  addEventListener("afterprint", () => apply(chosen));
+  return choice("Colours", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (theme) => apply((chosen = theme)));
 }
 
 async function start() {
-  document.querySelector("header").append(theme());
-  const runs = report.runs;
-  const main = document.querySelector("main");
-  const chosen = runs.length > 1
-    ? el("fieldset", { class: "toggles arms" }, el("legend", {}, "Look at arm"), runs.map((run, k) =>
-        el("label", { class: "toggle" }, el("input", { type: "radio", name: "arm", checked: k === runs.length - 1, onchange: () => showRun(run, runs) }), run.name)))
-    : null;
-  main.replaceChildren(...[
-    verdict(report.verdict),
-    report.numbers?.length ? cards(report.numbers) : null,
-    section("comparison", "Side by side", comparison(report.comparison)),
-    chosen,
+  document.querySelector("header").append(colours());
+  const { runs } = report, last = runs.length - 1;
+  const of = report.verdict ?? runs[0].verdict, numbers = report.numbers ?? (runs.length === 1 ? runs[0].numbers : []);
+  document.querySelector("main").replaceChildren(...[
+    verdict(of),
+    numbers?.length ? cards(numbers) : null,
+    section("comparison", "All arms", tables(report.tables)),
+    runs.length > 1
+      ? el("div", { class: "arms" }, toggles("Look at the arm", runs.map((run, k) => ({ label: run.name, value: String(k), checked: k === last, change: () => showRun(run) })), { type: "radio", group: "arm" }))
+      : null,
     el("div", { id: "run" }),
   ].filter(Boolean));
-  if (runs.length) await showRun(runs[runs.length - 1], runs);
+  await showRun(runs[last]);
   document.documentElement.dataset.ready = "true";
 }
 

@@ -1,13 +1,23 @@
 // Which keyframes of two robots were candidates, binned: share kept, and share that truly overlaps where that is known.
 import { decode } from "./decode.js";
-import { el, figure, palette, toggles } from "./dom.js";
+import { choice, details, el, figure, palette, table, themed, toggles } from "./dom.js";
 
-export async function matrix(pair, id) {
+const MARGIN = { left: 74, bottom: 46, top: 10, right: 24 }, SIDE = 400;
+
+export async function matrices(run) {
+  const pairs = run.matrices ?? [];
+  if (!pairs.length) return null;
+  const holder = el("div");
+  const show = async (k) => holder.replaceChildren(await matrix(pairs[k]));
+  await show(0);
+  if (pairs.length === 1) return holder;
+  return el("div", {}, choice("Robots", pairs.map((pair, k) => [k, `${pair.a} and ${pair.b}: ${figure(pair.pairs_kept)} pairs`]), show), holder);
+}
+
+async function matrix(pair) {
   const [kept, overlap, marks] = await Promise.all([decode(pair.kept), decode(pair.overlap), decode(pair.closures)]);
-  const [rows, columns] = pair.bins;
-  const margin = { left: 64, bottom: 46, top: 10, right: 12 }, side = 400;
-  const scale = side / Math.max(rows, columns);
-  const [width, height] = [columns * scale + margin.left + margin.right, rows * scale + margin.top + margin.bottom];
+  const [rows, columns] = pair.bins, [cellHeight, cellWidth] = [SIDE / rows, SIDE / columns];
+  const [width, height] = [SIDE + MARGIN.left + MARGIN.right, SIDE + MARGIN.top + MARGIN.bottom];
   const canvas = el("canvas", { width, height, class: "matrix", role: "img",
     "aria-label": `Candidate pairs of ${pair.a} and ${pair.b}: ${figure(pair.pairs_kept)} of ${figure(pair.pairs_total)} kept` });
   let axis = "time";
@@ -15,59 +25,71 @@ export async function matrix(pair, id) {
     const colour = palette(), pen = canvas.getContext("2d");
     pen.fillStyle = colour("canvas");
     pen.fillRect(0, 0, width, height);
-    const mix = (k) => (overlap && overlap[k] > 0 ? (kept[k] ? "found" : "missed") : kept[k] ? "wasted" : null);
     for (let r = 0; r < rows; r++)
       for (let c = 0; c < columns; c++) {
-        const name = mix(r * columns + c);
-        if (!name) continue;
-        pen.fillStyle = colour(overlap ? name : "found");
-        pen.globalAlpha = name === "missed" ? 0.9 : 0.35 + 0.65 * (kept[r * columns + c] / 255);
-        pen.fillRect(margin.left + c * scale, margin.top + r * scale, scale + 0.5, scale + 0.5);
+        const k = r * columns + c;
+        const kind = overlap?.[k] ? (kept[k] ? "found" : "missed") : kept[k] ? (overlap ? "wasted" : "found") : null;
+        if (!kind) continue;
+        pen.fillStyle = colour(kind);
+        pen.globalAlpha = kind === "missed" ? 0.9 : 0.35 + 0.65 * (kept[k] / 255);
+        pen.fillRect(MARGIN.left + c * cellWidth, MARGIN.top + r * cellHeight, cellWidth + 0.5, cellHeight + 0.5);
       }
     pen.globalAlpha = 1;
-    pen.strokeStyle = colour("text");
     pen.lineWidth = 1.5;
     for (let i = 0; i < marks.length; i += 2) {
-      const [x, y] = [margin.left + (marks[i + 1] / 65535) * columns * scale, margin.top + (marks[i] / 65535) * rows * scale];
+      const [x, y] = [MARGIN.left + marks[i + 1] * SIDE, MARGIN.top + marks[i] * SIDE];
+      pen.strokeStyle = colour("canvas");
+      pen.strokeRect(x - 4, y - 4, 8, 8);
+      pen.strokeStyle = colour("text");
       pen.strokeRect(x - 3, y - 3, 6, 6);
     }
-    axes(pen, colour, pair, axis, margin, rows * scale, columns * scale);
+    axes(pen, colour, pair, axis);
   };
-  draw();
-  document.addEventListener("themechange", draw);
+  themed(canvas, draw);
   const key = overlap
-    ? [["found", "kept, overlaps"], ["wasted", "kept, too far apart"], ["missed", "overlaps, not kept"]]
+    ? [["found", `kept, within ${figure(pair.radius_m)} m`], ["wasted", "kept, farther apart"], ["missed", `not kept, within ${figure(pair.radius_m)} m`]]
     : [["found", "kept"]];
-  return el("figure", { class: "matrix-figure" },
+  return el("figure", {},
     toggles("Axes in", [
       { label: "seconds", value: "time", checked: true, change: () => ((axis = "time"), draw()) },
       { label: "metres travelled", value: "metres", change: () => ((axis = "metres"), draw()) },
-    ], { type: "radio", name: `axes-${id}` }),
+    ], { type: "radio", group: "matrix-axes" }),
     canvas,
-    el("figcaption", {}, `${pair.a} (down) and ${pair.b} (across): ${figure(pair.pairs_kept)} of ${figure(pair.pairs_total)} pairs kept. Squares: accepted closures.`,
-      el("span", { class: "key" }, key.map(([name, label]) => el("span", {}, el("span", { class: "swatch", style: { background: `var(--${name})` } }), label)))),
-  );
+    el("p", { class: "key" }, key.map(([colour, label]) => el("span", {}, el("span", { class: "swatch", style: { background: `var(--${colour})` } }), label)),
+      marks.length ? el("span", {}, el("span", { class: "swatch square" }), "accepted closure") : null),
+    el("figcaption", {}, `Each keyframe of ${pair.a} (down) with each of ${pair.b} (across): ${figure(pair.pairs_kept)} of ${figure(pair.pairs_total)} pairs were kept.`),
+    details("The same as a table", () => asTable(pair)));
 }
 
-function axes(pen, colour, pair, axis, margin, height, width) {
+function asTable(pair) {
+  const { kept, overlap } = pair.parts;
+  const part = (k, n, [seconds, last]) => `${figure((k * last) / n, 2)}–${figure(((k + 1) * last) / n, 2)} ${seconds}`;
+  const [a, b] = [["s", pair.seconds[0]], ["s", pair.seconds[1]]];
+  return table(`Pairs kept${overlap ? " of those that overlap and others" : ""}: ${pair.a} down, ${pair.b} across`,
+    [`${pair.a} \\ ${pair.b}`, ...kept[0].map((_, c) => part(c, kept[0].length, b))],
+    kept.map((row, r) => [part(r, kept.length, a), ...row.map((count, c) => (overlap ? `${figure(count)}; ${figure(overlap[r][c])} overlap` : count))]), { wide: true });
+}
+
+function axes(pen, colour, pair, axis) {
   pen.strokeStyle = colour("rule");
   pen.lineWidth = 1;
-  pen.strokeRect(margin.left, margin.top, width, height);
+  pen.strokeRect(MARGIN.left, MARGIN.top, SIDE, SIDE);
   pen.fillStyle = colour("text");
-  pen.font = "13px system-ui, sans-serif";
+  pen.font = "14px system-ui, sans-serif";
   const unit = axis === "time" ? "s" : "m";
   const [last_a, last_b] = axis === "time" ? pair.seconds : pair.metres;
+  const label = (share, last) => `${figure(share * last)} ${unit}`;
   pen.textAlign = "right";
-  for (const share of [0, 0.5, 1]) pen.fillText(`${figure(share * last_a)} ${unit}`, margin.left - 5, margin.top + share * height + (share ? 0 : 9));
+  for (const share of [0, 0.5, 1]) pen.fillText(label(share, last_a), MARGIN.left - 6, MARGIN.top + share * SIDE + [11, 5, 0][2 * share]);
   for (const share of [0, 0.5, 1]) {
     pen.textAlign = ["left", "center", "right"][2 * share];
-    pen.fillText(`${figure(share * last_b)} ${unit}`, margin.left + share * width, margin.top + height + 16);
+    pen.fillText(label(share, last_b), MARGIN.left + share * SIDE, MARGIN.top + SIDE + 18);
   }
   pen.textAlign = "center";
-  pen.fillText(pair.b, margin.left + width / 2, margin.top + height + 36);
+  pen.fillText(pair.b, MARGIN.left + SIDE / 2, MARGIN.top + SIDE + 38, SIDE);
   pen.save();
-  pen.translate(12, margin.top + height / 2);
+  pen.translate(13, MARGIN.top + SIDE / 2);
   pen.rotate(-Math.PI / 2);
-  pen.fillText(pair.a, 0, 0);
+  pen.fillText(pair.a, 0, 0, SIDE);
   pen.restore();
 }

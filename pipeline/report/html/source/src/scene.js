@@ -1,70 +1,70 @@
-// The merged map in 3-D: points, trajectories, keyframes, closures, radio links.  Drawn when something changes only.
+// The merged map in 3-D: points, paths, keyframes, closures, radio links.  Drawn when something changes only.
 import {
-  BufferAttribute, BufferGeometry, Color, ColorManagement, Group, Line, LineBasicMaterial, LinearSRGBColorSpace, LineSegments,
-  PerspectiveCamera, Points, PointsMaterial, Scene, Sphere, Vector3, WebGLRenderer,
+  BufferAttribute, BufferGeometry, Color, ColorManagement, Group, LinearSRGBColorSpace, PerspectiveCamera, Points, PointsMaterial,
+  Scene, Sphere, TOUCH, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { Line2 } from "three/examples/jsm/lines/Line2.js";
+import { LineGeometry } from "three/examples/jsm/lines/LineGeometry.js";
+import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
+import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
+import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
 import { decode } from "./decode.js";
-import { el, figure, palette, toggles } from "./dom.js";
+import { el, figure, name, palette, toggles } from "./dom.js";
+import { nearest } from "./picking.js";
 
-const PICK_PIXELS = 14;
 ColorManagement.enabled = false; // colours as the page has them, no lighting
+const LAYERS = ["map", "paths", "keyframes", "accepted", "rejected", "radio", "truth", "before", "chosen"];
+const HIDDEN = ["rejected", "radio", "truth", "before"];
+const SLANTED = new Vector3(-0.4, -0.8, 1), ABOVE = new Vector3(0, -0.001, 1);
 
-export async function scene3d(run, { onClosure }) {
-  const canvas = el("canvas", {
-    tabindex: "0",
-    role: "img",
-    "aria-label": `Merged map in 3-D: ${run.robots.map((r) => r.name).join(", ")}. Arrow keys turn it, plus and minus zoom.`,
-  });
-  const hint = el("output", { class: "hint", "aria-live": "polite" });
+export async function scene3d(run, onClosure) {
+  const canvas = el("canvas", { tabindex: "0", role: "application",
+    "aria-label": `${run.map ? "Merged map" : "Paths"} in 3-D of ${run.robots.map((r) => r.name).join(", ")}. Arrow keys turn it, plus and minus zoom. All that it shows stands in the tables below.` });
+  const hint = el("output", { class: "hint" });
   const frame = el("div", { class: "scene" }, canvas, hint);
   let renderer;
   try {
     renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
   } catch {
-    return el("p", { class: "note" }, "This browser draws no WebGL; the pictures beside the report show the same from above.");
+    return { node: el("p", { class: "note" }, "This browser draws no WebGL; the pictures beside the report show the same from above."), highlight() {} };
   }
   renderer.outputColorSpace = LinearSRGBColorSpace;
-  const scene = new Scene();
-  const camera = new PerspectiveCamera(50, 1, 0.1, 1e5);
+  const scene = new Scene(), camera = new PerspectiveCamera(50, 1, 0.1, 1e5);
   camera.up.set(0, 0, 1);
-  const controls = new OrbitControls(camera, canvas);
-  controls.enableDamping = false;
-  controls.zoomToCursor = true;
+  const controls = orbit(camera, canvas);
 
-  const groups = Object.fromEntries(
-    ["map", "paths", "keyframes", "accepted", "rejected", "radio", "truth", "before"].map((name) => [name, new Group()]),
-  );
-  for (const group of Object.values(groups)) scene.add(group);
-  groups.rejected.visible = groups.radio.visible = groups.truth.visible = groups.before.visible = false;
-
+  const groups = Object.fromEntries(LAYERS.map((layer) => [layer, new Group()]));
+  scene.add(...Object.values(groups));
+  for (const layer of HIDDEN) groups[layer].visible = false;
   const pickable = [];
-  const map = await mapPoints(run.map);
+  const map = await mapPoints(run);
   if (map) groups.map.add(map.points);
   for (const robot of run.robots) await addRobot(robot, groups, pickable);
-  await addClosures(run, groups, pickable);
+  addClosures(run, groups, pickable);
   await addRadio(run, groups, pickable);
 
-  const bounds = sphereOf(run, map, pickable);
+  const view = { bounds: boundsOf(map, pickable, "keyframes"), before: boundsOf(null, pickable, "before") };
   let asked = false;
-  const draw = () => {
-    if (asked) return;
-    asked = true;
-    requestAnimationFrame(() => {
-      asked = false;
-      renderer.render(scene, camera);
-      frame.dataset.drawn = String(Number(frame.dataset.drawn ?? 0) + 1);
-    });
+  const render = () => {
+    asked = false;
+    renderer.render(scene, camera);
+    frame.dataset.drawn = String(Number(frame.dataset.drawn ?? 0) + 1);
   };
-  const look = (direction) => {
-    controls.target.copy(bounds.center);
-    camera.position.copy(bounds.center).addScaledVector(direction.normalize(), 2.0 * bounds.radius);
-    camera.near = bounds.radius / 500;
-    camera.far = bounds.radius * 50;
+  const draw = () => {
+    if (!asked) requestAnimationFrame(render);
+    asked = true;
+  };
+  const look = (direction, of = groups.before.visible ? view.before : view.bounds) => {
+    const far = (1.25 * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    controls.target.copy(of.center);
+    camera.position.copy(of.center).addScaledVector(direction.clone().normalize(), far);
+    [camera.near, camera.far] = [of.radius / 500, of.radius * 50];
     camera.updateProjectionMatrix();
     controls.update();
     draw();
   };
+  let sized = false;
   const resize = () => {
     const { clientWidth: width, clientHeight: height } = frame;
     if (!width || !height) return;
@@ -72,226 +72,232 @@ export async function scene3d(run, { onClosure }) {
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
+    if (!sized) look(SLANTED);
+    sized = true;
     draw();
   };
   const recolour = () => {
+    if (!frame.isConnected && sized) return;
     const colour = palette();
     scene.background = new Color(colour("canvas"));
-    for (const group of [groups.accepted, groups.rejected, groups.radio, groups.truth])
-      for (const line of group.children) line.material.color.set(colour(line.userData.colour));
-    draw();
+    scene.traverse((node) => node.userData.colour && node.material.color.set(colour(node.userData.colour)));
+    map?.paint(scene.background);
+    sized ? render() : draw(); // at once: before printing there is no later
   };
   controls.addEventListener("change", draw);
   new ResizeObserver(resize).observe(frame);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   document.addEventListener("themechange", recolour);
-  document.addEventListener("visibilitychange", draw);
   recolour();
-  look(new Vector3(-0.4, -0.8, 1));
 
-  const nearest = (event) => nearestOf(pickable, groups, event, canvas, camera);
+  const find = (event) => nearest(pickable, groups, event, canvas, camera);
+  const tell = (found) => (hint.textContent = found ? found.says : "");
   canvas.addEventListener("pointermove", (event) => {
     if (event.buttons) return;
-    const found = nearest(event);
-    hint.textContent = found ? found.says : "";
+    const found = find(event);
+    tell(found);
     canvas.style.cursor = found?.closure === undefined ? "grab" : "pointer";
   });
+  canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
   canvas.addEventListener("click", (event) => {
-    const found = nearest(event);
-    hint.textContent = found ? found.says : "";
+    const found = find(event);
+    tell(found);
     if (found?.closure !== undefined) onClosure(found.closure);
   });
-  canvas.addEventListener("keydown", (event) => {
-    const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
-    const offset = camera.position.clone().sub(controls.target);
-    if (turn) {
-      const flat = Math.hypot(offset.x, offset.y), azimuth = Math.atan2(offset.y, offset.x) + turn[0];
-      const height = Math.min(1.5, Math.max(-1.5, Math.atan2(offset.z, flat) - turn[1])), far = offset.length();
-      offset.set(far * Math.cos(height) * Math.cos(azimuth), far * Math.cos(height) * Math.sin(azimuth), far * Math.sin(height));
-    } else if (event.key === "+" || event.key === "=") offset.multiplyScalar(0.85);
-    else if (event.key === "-") offset.multiplyScalar(1 / 0.85);
-    else return;
-    event.preventDefault();
-    camera.position.copy(controls.target).add(offset);
-    controls.update();
-    draw();
-  });
+  canvas.addEventListener("keydown", (event) => turned(event, camera, controls) && draw());
 
-  const show = (name) => (on) => {
-    groups[name].visible = on;
+  const highlight = (index) => {
+    groups.chosen.clear();
+    const ends = run.closures[index]?.ends;
+    if (ends) groups.chosen.add(segments(ends, "chosen", 5));
+    recolour();
     draw();
   };
-  const count = (name) => groups[name].children.length > 0;
+  return { node: el("div", {}, controlsBar({ run, groups, map, draw, look }), frame, el("p", { class: "note" },
+    "Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at a keyframe, closure or link to see what it is; click a closure to see its scans.")), highlight };
+}
+
+function orbit(camera, canvas) {
+  const controls = new OrbitControls(camera, canvas);
+  controls.enableDamping = false;
+  controls.zoomToCursor = true;
+  controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_PAN };
+  canvas.style.touchAction = "pan-y"; // one finger up or down scrolls the page, as the wheel does until the picture has focus
+  controls.enableZoom = false;
+  canvas.addEventListener("focus", () => (controls.enableZoom = true));
+  canvas.addEventListener("blur", () => (controls.enableZoom = false));
+  return controls;
+}
+
+function turned(event, camera, controls) {
+  const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
+  const zoom = { "+": 0.85, "=": 0.85, "-": 1 / 0.85 }[event.key];
+  if (!turn && !zoom) return false;
+  const offset = camera.position.clone().sub(controls.target);
+  if (zoom) offset.multiplyScalar(zoom);
+  else {
+    const far = offset.length(), azimuth = Math.atan2(offset.y, offset.x) + turn[0];
+    const height = Math.min(1.55, Math.max(-1.55, Math.asin(offset.z / far) + turn[1]));
+    offset.set(far * Math.cos(height) * Math.cos(azimuth), far * Math.cos(height) * Math.sin(azimuth), far * Math.sin(height));
+  }
+  event.preventDefault();
+  camera.position.copy(controls.target).add(offset);
+  controls.update();
+  return true;
+}
+
+function controlsBar({ run, groups, map, draw, look }) {
+  const show = (layer) => (on) => ((groups[layer].visible = on), draw());
+  const has = (layer) => groups[layer].children.length > 0;
   const layers = [
-    count("map") && { label: "map", checked: true, change: show("map") },
-    { label: "trajectories", checked: true, change: show("paths") },
-    { label: "keyframes", checked: true, change: show("keyframes") },
-    count("accepted") && { label: "accepted closures", swatch: "var(--accepted)", checked: true, change: show("accepted") },
-    count("rejected") && { label: "rejected closures", swatch: "var(--rejected)", change: show("rejected") },
-    count("radio") && { label: "radio links", swatch: "var(--radio)", change: show("radio") },
-    count("truth") && { label: "ground truth", swatch: "var(--truth)", change: show("truth") },
-  ].filter(Boolean);
-  const when = [
-    { label: "after merging", checked: true, value: "after" },
-    { label: "before: each robot in its own frame", value: "before" },
-  ].map((option) => ({
-    ...option,
-    change: (_, value) => {
-      const before = value === "before";
-      groups.before.visible = before;
-      for (const name of ["paths", "keyframes"]) groups[name].visible = !before;
-      const checks = controlsBar.querySelectorAll("input[type=checkbox]");
-      layers.forEach((layer, k) => {
-        checks[k].disabled = before;
-        layer.change(!before && checks[k].checked);
-      });
+    ["map", "map", true], ["paths", "paths", true], ["keyframes", "keyframes", true],
+    ["accepted", "accepted closures", true], ["rejected", "rejected closures", false], ["radio", "radio links", false], ["truth", "ground truth", false],
+  ].filter(([layer]) => has(layer)).map(([layer, label, checked]) => ({
+    layer, label, checked, change: show(layer), swatch: ["accepted", "rejected", "radio", "truth"].includes(layer) ? `var(--${layer})` : undefined,
+  }));
+  const robots = run.robots.map((robot, k) => ({
+    label: robot.connected ? robot.name : `${robot.name} (not connected)`, checked: true, swatch: robot.colour,
+    change: (on) => {
+      for (const group of Object.values(groups)) for (const child of group.children) if (child.userData.robot === k) child.visible = on;
+      map?.show(k, on);
       draw();
     },
   }));
-  const colours = map
-    ? Object.keys(map.colour).map((name, k) => ({ label: name, value: name, checked: k === 0, change: (_, by) => (map.colour[by](), draw()) }))
-    : [];
-  const controlsBar = el(
-    "div",
-    { class: "controls" },
-    toggles("Show", layers),
-    toggles("When", when, { type: "radio", name: `when-${run.id}` }),
-    colours.length > 1 ? toggles("Colour by", colours, { type: "radio", name: `colour-${run.id}` }) : null,
-    el(
-      "div",
-      { class: "buttons" },
-      el("button", { type: "button", onclick: () => look(new Vector3(0, -0.001, 1)) }, "from above"),
-      el("button", { type: "button", onclick: () => look(new Vector3(-0.4, -0.8, 1)) }, "slanted"),
-    ),
-  );
-  return el("div", {}, controlsBar, frame);
+  const shown = toggles("Show", layers);
+  const when = (before) => () => {
+    groups.before.visible = before;
+    const checks = shown.querySelectorAll("input");
+    layers.forEach(({ layer }, k) => {
+      checks[k].disabled = before;
+      groups[layer].visible = !before && checks[k].checked;
+    });
+    groups.chosen.visible = !before;
+    look(before ? ABOVE : SLANTED);
+  };
+  const colours = map ? Object.keys(map.colours).map((by, k) => ({ label: by, value: by, checked: k === 0, change: () => (map.colourBy(by), draw()) })) : [];
+  const view = (label, direction) => el("button", { type: "button", onclick: () => look(direction) }, label);
+  return el("div", { class: "controls" },
+    shown,
+    toggles("Robots", robots),
+    run.map || has("accepted") || run.robots.length > 1
+      ? toggles("When", [{ label: "after merging", checked: true, value: "after", change: when(false) },
+          { label: "before: each robot in its own frame", value: "before", change: when(true) }], { type: "radio", group: "when" })
+      : null,
+    colours.length ? toggles("Map's colours by", colours, { type: "radio", group: "map-colours" }) : null,
+    el("div", { class: "buttons" }, view("from above", ABOVE), view("slanted", SLANTED)));
 }
 
-async function mapPoints(map) {
-  if (!map) return null;
-  const [xyz, robot, intensity] = await Promise.all([decode(map.xyz), decode(map.robot), decode(map.intensity)]);
-  const n = xyz.length / 3;
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(xyz, 3, true));
-  const colours = new BufferAttribute(new Uint8Array(3 * n), 3, true);
-  geometry.setAttribute("color", colours);
-  geometry.boundingSphere = new Sphere(new Vector3(0.5, 0.5, 0.5), 0.87);
-  const paint = (rgb) => {
-    for (let i = 0; i < n; i++) rgb(i, colours.array, 3 * i);
-    colours.needsUpdate = true;
-  };
-  const ramp = (share, out, at) => {
+async function mapPoints(run) {
+  if (!run.map) return null;
+  const [xyz, robot] = await Promise.all([decode(run.map.xyz), decode(run.map.robot)]);
+  const n = robot.length, [low, high] = run.map.heights_m, hidden = new Set();
+  const geometry = positions(xyz);
+  const rgb = new BufferAttribute(new Uint8Array(3 * n), 3, true);
+  geometry.setAttribute("color", rgb);
+  const robotColours = run.robots.map((r) => new Color(r.colour));
+  const ramp = (share) => {
     // from blue over teal to yellow: ordered in lightness too
-    const s = Math.min(1, Math.max(0, share));
-    out[at] = 255 * Math.min(1, Math.max(0, 2.2 * s - 0.9));
-    out[at + 1] = 255 * (0.25 + 0.65 * s);
-    out[at + 2] = 255 * Math.max(0.1, 0.75 - 0.65 * s);
+    const s = Math.min(1, Math.max(0, share)), clamp = (v) => Math.min(1, Math.max(0, v));
+    return new Color(clamp(2.2 * s - 0.9), 0.25 + 0.65 * s, Math.max(0.1, 0.75 - 0.65 * s));
   };
-  const rgb = map.colours.map((hex) => {
-    const value = parseInt(hex.slice(1), 16);
-    return [value >> 16, (value >> 8) & 255, value & 255];
-  });
-  const colour = {
-    robot: () => paint((i, out, at) => out.set(rgb[robot[i]], at)),
-    height: () => paint((i, out, at) => ramp((xyz[3 * i + 2] / 65535 - map.heights[0]) / (map.heights[1] - map.heights[0]), out, at)),
+  const steps = Array.from({ length: 64 }, (_, k) => ramp(k / 63));
+  const colours = {
+    robot: [robotColours, (i) => robot[i] % robotColours.length],
+    height: [steps, (i) => Math.min(63, Math.max(0, Math.round((63 * (xyz[3 * i + 2] - low)) / Math.max(high - low, 1e-3))))],
   };
-  if (intensity) colour.intensity = () => paint((i, out, at) => ramp(intensity[i] / 255, out, at));
-  colour.robot();
-  const points = new Points(geometry, new PointsMaterial({ size: 1.4, sizeAttenuation: false, vertexColors: true }));
-  points.scale.set(...map.extent.map((m) => Math.max(m, 1e-6)));
-  points.position.set(...map.min);
-  return { points, colour };
+  let by = "robot", background = new Color(1, 1, 1);
+  const paint = () => {
+    const [table, which] = colours[by];
+    const mixed = table.map((c) => c.clone().lerp(background, 0.35)).map((c) => [c.r, c.g, c.b].map((v) => Math.round(255 * v))); // paler than the paths
+    for (let i = 0; i < n; i++) rgb.array.set(mixed[which(i)], 3 * i);
+    rgb.needsUpdate = true;
+  };
+  return {
+    points: new Points(geometry, new PointsMaterial({ size: 1.5, sizeAttenuation: false, vertexColors: true })),
+    colours,
+    colourBy(name) {
+      by = name;
+      paint();
+    },
+    paint(colour) {
+      background = colour;
+      paint();
+    },
+    show(k, on) {
+      on ? hidden.delete(k) : hidden.add(k);
+      const rows = Uint32Array.from(robot.keys()).filter((i) => !hidden.has(robot[i]));
+      geometry.setIndex(hidden.size ? new BufferAttribute(rows, 1) : null);
+    },
+  };
 }
 
 const positions = (array) => new BufferGeometry().setAttribute("position", new BufferAttribute(array, 3));
 
+function path(xyz, color, linewidth, robot) {
+  const line = new Line2(new LineGeometry().setPositions(xyz), new LineMaterial({ color, linewidth }));
+  line.userData.robot = robot;
+  return line;
+}
+
+// Pairs of ends; its colour is one of the page's, so that it follows light and dark.
+function segments(ends, colour, linewidth) {
+  const lines = new LineSegments2(new LineSegmentsGeometry().setPositions(ends), new LineMaterial({ linewidth }));
+  lines.userData.colour = colour;
+  return lines;
+}
+
 async function addRobot(robot, groups, pickable) {
+  const number = groups.paths.children.length;
   const [merged, odometry, keyframes, times, truth] = await Promise.all(
-    [robot.merged, robot.odometry, robot.keyframes, robot.keyframe_times, robot.truth].map(decode),
-  );
-  if (merged) groups.paths.add(new Line(positions(merged), new LineBasicMaterial({ color: robot.colour })));
-  if (odometry) groups.before.add(new Line(positions(odometry), new LineBasicMaterial({ color: robot.colour })));
-  if (keyframes) {
-    groups.keyframes.add(new Points(positions(keyframes), new PointsMaterial({ size: 4, sizeAttenuation: false, color: robot.colour })));
-    pickable.push({
-      group: "keyframes",
-      xyz: keyframes,
-      says: (i) => `${robot.name}, keyframe ${i}, ${figure(times[i], 6)} s${robot.connected ? "" : " (not connected)"}`,
-    });
-  }
-  if (truth) {
-    const line = new Line(positions(truth), new LineBasicMaterial());
+    [robot.merged, robot.odometry, robot.keyframes, robot.keyframe_times, robot.truth].map(decode));
+  groups.paths.add(path(merged, robot.colour, 3, number));
+  groups.before.add(path(odometry, robot.colour, 3, number));
+  const dots = new Points(positions(keyframes), new PointsMaterial({ size: 6, sizeAttenuation: false, color: robot.colour }));
+  dots.userData.robot = number;
+  groups.keyframes.add(dots);
+  pickable.push({ group: "keyframes", node: dots, xyz: keyframes,
+    says: (i) => `${robot.name}, keyframe ${i} at ${times[i].toFixed(1)} s${robot.connected ? "" : " (not connected)"}` });
+  pickable.push({ group: "before", node: groups.before.children.at(-1), xyz: odometry, says: () => `${robot.name}, by its own odometry` });
+  if (truth?.length) {
+    const line = path(truth, robot.colour, 2, number);
     line.userData.colour = "truth";
     groups.truth.add(line);
   }
 }
 
-async function addClosures(run, groups, pickable) {
-  for (const name of ["accepted", "rejected"]) {
-    const rows = run.closures.map((c, k) => k).filter((k) => (run.closures[k].decision === "accepted") === (name === "accepted"));
-    const drawn = rows.filter((k) => run.closures[k].ends);
-    if (!drawn.length) continue;
-    const xyz = new Float32Array(drawn.flatMap((k) => run.closures[k].ends));
-    const lines = new LineSegments(positions(xyz), new LineBasicMaterial());
-    lines.userData.colour = name;
-    groups[name].add(lines);
-    const middles = new Float32Array(3 * drawn.length);
-    for (let i = 0; i < drawn.length; i++)
-      for (let k = 0; k < 3; k++) middles[3 * i + k] = (xyz[6 * i + k] + xyz[6 * i + 3 + k]) / 2;
-    pickable.push({ group: name, xyz: middles, says: (i) => closureName(run.closures[drawn[i]]), closure: (i) => drawn[i] });
+function middles(ends) {
+  const found = new Float32Array(ends.length / 2);
+  for (let i = 0; i < found.length / 3; i++) for (let k = 0; k < 3; k++) found[3 * i + k] = (ends[6 * i + k] + ends[6 * i + 3 + k]) / 2;
+  return found;
+}
+
+function addClosures(run, groups, pickable) {
+  for (const decision of ["accepted", "rejected"]) {
+    const rows = [...run.closures.keys()].filter((k) => (run.closures[k].decision === "rejected") === (decision === "rejected"));
+    if (!rows.length) continue;
+    const ends = new Float32Array(rows.flatMap((k) => run.closures[k].ends));
+    const lines = segments(ends, decision, 2.5);
+    groups[decision].add(lines);
+    pickable.push({ group: decision, node: lines, xyz: middles(ends), says: (i) => closureName(run.closures[rows[i]]), closure: (i) => rows[i] });
   }
 }
 
-export const closureName = (c) => `${c.query.join(" ")} – ${c.match.join(" ")}: ${c.decision}${c.reason ? `, ${c.reason}` : ""}`;
+const closureName = (c) => `${name(c.query)} – ${name(c.match)}: ${c.decision}${c.reason ? `, ${c.reason}` : ""}`;
 
 async function addRadio(run, groups, pickable) {
   for (const pair of run.radio ?? []) {
-    const ends = await decode(pair.ends);
+    const [ends, times, range] = await Promise.all([decode(pair.ends), decode(pair.times), decode(pair.range)]);
     if (!ends?.length) continue;
-    const lines = new LineSegments(positions(ends), new LineBasicMaterial({ transparent: true, opacity: 0.6 }));
-    lines.userData.colour = "radio";
+    const lines = segments(ends, "radio", 1);
     groups.radio.add(lines);
-    const [times, ranges] = await Promise.all([decode(pair.times), decode(pair.range)]);
-    const middles = new Float32Array(ends.length / 2);
-    for (let i = 0; i < middles.length / 3; i++)
-      for (let k = 0; k < 3; k++) middles[3 * i + k] = (ends[6 * i + k] + ends[6 * i + 3 + k]) / 2;
-    pickable.push({
-      group: "radio",
-      xyz: middles,
-      says: (i) => `${pair.a} and ${pair.b} at ${figure(times[i], 6)} s: ${Number.isNaN(ranges[i]) ? "no range" : `${figure(ranges[i])} m measured`}`,
-    });
+    pickable.push({ group: "radio", node: lines, xyz: middles(ends),
+      says: (i) => `${pair.a} and ${pair.b} at ${times[i].toFixed(1)} s: ${Number.isNaN(range[i]) ? "direction only" : `${figure(range[i])} m measured`}` });
   }
 }
 
-function sphereOf(run, map, pickable) {
-  const sphere = new Sphere();
+function boundsOf(map, pickable, layer) {
   const points = [];
-  for (const { group, xyz } of pickable) if (group === "keyframes") for (let i = 0; i < xyz.length; i += 3) points.push(new Vector3(xyz[i], xyz[i + 1], xyz[i + 2]));
-  if (!points.length && map) points.push(map.points.position.clone(), map.points.position.clone().add(map.points.scale));
-  if (!points.length) points.push(new Vector3(), new Vector3(1, 1, 1));
-  sphere.setFromPoints(points);
+  for (const { group, xyz } of pickable) if (group === layer) for (let i = 0; i < xyz.length; i += 3) points.push(new Vector3(xyz[i], xyz[i + 1], xyz[i + 2]));
+  const sphere = points.length ? new Sphere().setFromPoints(points) : new Sphere(new Vector3(), 1);
   sphere.radius = Math.max(sphere.radius, 5);
   return sphere;
-}
-
-function nearestOf(pickable, groups, event, canvas, camera) {
-  const box = canvas.getBoundingClientRect();
-  const x = event.clientX - box.left, y = event.clientY - box.top;
-  const m = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse).elements;
-  let best = null, least = PICK_PIXELS ** 2;
-  for (const set of pickable) {
-    if (!groups[set.group].visible) continue;
-    const p = set.xyz, favour = set.closure ? 0.5 : 1;
-    for (let i = 0; i < p.length; i += 3) {
-      const w = m[3] * p[i] + m[7] * p[i + 1] + m[11] * p[i + 2] + m[15];
-      if (w <= 0) continue;
-      const u = ((m[0] * p[i] + m[4] * p[i + 1] + m[8] * p[i + 2] + m[12]) / w + 1) * 0.5 * box.width - x;
-      const v = (1 - (m[1] * p[i] + m[5] * p[i + 1] + m[9] * p[i + 2] + m[13]) / w) * 0.5 * box.height - y;
-      const apart = favour * (u * u + v * v);
-      if (apart < least) [least, best] = [apart, [set, i / 3]];
-    }
-  }
-  if (!best) return null;
-  const [set, i] = best;
-  return { says: set.says(i), closure: set.closure?.(i) };
 }
