@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure import __version__
+from wiclosure import __version__, se3
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.closures import ClosureJudge
@@ -73,6 +73,7 @@ def _judge(result: RunResult) -> ClosureJudge:
 
 
 def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:
+    truths = _truths(result)
     return [
         robot_entry(
             number,
@@ -81,25 +82,24 @@ def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:
             odometry=front.odometry,
             keyframes=result.solution.graph.trajectories[robot],
             placement=placement,
-            truth=_truth(result, robot),
+            truth=truths.get(robot),
         )
         for number, (robot, front) in enumerate(result.fronts.items())
     ]
 
 
-def _truth(result: RunResult, robot: str) -> FloatArray | None:
-    """Ground truth `(N, 3)` laid over the merged trajectories of the robot's component."""
-    truth = result.inputs.ground_truth
-    if robot not in truth:
-        return None
-    component = next(c for c in result.solution.graph.components if robot in c)
-    gap_s = result.config.evaluation.ground_truth_gap_s
-    pairs = [pair for r in component if len(pair := matched(result.merged[r], truth.get(r), gap_s))]
-    if not pairs:
-        return None
-    estimate = np.concatenate([pair.estimate[:, :3, 3] for pair in pairs])
-    T_world_truth = rigid_alignment(np.concatenate([pair.truth[:, :3, 3] for pair in pairs]), estimate)
-    return np.asarray(truth[robot].positions @ T_world_truth[:3, :3].T + T_world_truth[:3, 3])
+def _truths(result: RunResult) -> dict[str, FloatArray]:
+    """Ground truth `(N, 3)` by robot, laid over the merged trajectories of the robot's component."""
+    truth, gap_s = result.inputs.ground_truth, result.config.evaluation.ground_truth_gap_s
+    placed: dict[str, FloatArray] = {}
+    for component in result.solution.graph.components:
+        pairs = [pair for r in component if len(pair := matched(result.merged[r], truth.get(r), gap_s))]
+        if not pairs:
+            continue
+        estimate, true = (np.concatenate([getattr(p, side) for p in pairs])[:, :3, 3] for side in ("estimate", "truth"))
+        T_world_truth = rigid_alignment(true, estimate)
+        placed |= {r: se3.transform(T_world_truth, truth[r].positions) for r in component if r in truth}
+    return placed
 
 
 def _map_note(result: RunResult) -> str:
