@@ -20,7 +20,6 @@ def write_comparison_page(folder: Path, comparison: Comparison) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    arms = summaries(comparison)
     first = comparison.outcomes[0].seed
     several = len(comparison.plan.configs) > 1
     shown = [
@@ -28,8 +27,13 @@ def write_comparison_page(folder: Path, comparison: Comparison) -> None:
         for o in comparison.outcomes
         if o.seed == first
     ]
-    summary = {"of": _title(comparison), "verdict": verdict(comparison, arms), "tables": _tables(comparison, arms)}
-    write_comparison_report(folder, summary, shown)
+    write_comparison_report(folder, summary_of(comparison), shown)
+
+
+def summary_of(comparison: Comparison) -> dict[str, Any]:
+    """What was compared, what the filter was worth, and the tables of all arms and runs."""
+    arms = summaries(comparison)
+    return {"of": _title(comparison), "verdict": verdict(comparison, arms), "tables": _tables(comparison, arms)}
 
 
 def verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
@@ -58,22 +62,22 @@ def _worth(arm: ArmSummary, base: ArmSummary, several: bool) -> str:
         return f"Filter {arm.filter}{where}: {', '.join(figures)}."
     saving = arm.saving_percent
     parts = [
-        _part(arm, base, "closing_s", "finding and using closures takes {} s", saving),
-        _part(arm, base, "accepted_false", "{} false closures are accepted"),
-        _part(arm, base, "ate_m", "the error is {} m"),
+        _part(arm, base, "closing_s", "finding and using closures takes {}", " s", saving),
+        _part(arm, base, "accepted_false", "{} false closures are accepted", ""),
+        _part(arm, base, "ate_m", "the error is {}", " m"),
     ]
     known = [part for part in parts if part]
     said = known[0] if len(known) == 1 else f"{', '.join(known[:-1])}, and {known[-1]}"
     return f"With the filter {arm.filter} instead of {base.filter}{where}, {said}."
 
 
-def _part(arm: ArmSummary, base: ArmSummary, key: str, form: str, saving: Spread | None = None) -> str:
+def _part(arm: ArmSummary, base: ArmSummary, key: str, form: str, unit: str, saving: Spread | None = None) -> str:
     found, without = arm.figures.get(key), base.figures.get(key)
     if found is None or without is None:
         return ""
     if not math.isfinite(found.median):
         return "the robots are not connected" + (", as before" if not math.isfinite(without.median) else "")
-    own, before = _text(found.median), _text(without.median)
+    own, before = (_text(spread.median) + unit for spread in (found, without))
     if own == before:
         return f"{form.format(own)} as before"
     share = "" if saving is None else f" ({abs(saving.median):.0f} % {'less' if saving.median >= 0 else 'more'})"
@@ -83,6 +87,8 @@ def _part(arm: ArmSummary, base: ArmSummary, key: str, form: str, saving: Spread
 
 def _text(value: float) -> str:
     """Two digits; whole numbers whole."""
+    if not math.isfinite(value):
+        return "unknown"
     if float(value).is_integer():
         return f"{value:,.0f}"
     return f"{value:,.0f}" if value >= 100 else f"{value:#.2g}".rstrip(".")

@@ -21,7 +21,7 @@ from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Traje
 CLOUD_STEP_M = 0.05
 CLOUD_POINTS = 1_500
 CLOUDS = 300
-_FIGURES = re.compile(r"-?\d[\d.,^]*")
+_FIGURES = re.compile(r"-?\d+(?:[.,]\d+)*(?:\^-?\d+)?")
 _STAGE_OF = {stage: name for name, stage in MEASURED.items()}  # where in the funnel a rejected closure was lost
 
 

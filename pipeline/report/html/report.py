@@ -90,4 +90,6 @@ def _thinned(run: dict[str, Any], name: str, most: int) -> dict[str, Any]:
 
 def _names(run: dict[str, Any]) -> str:
     names = [robot["name"] for robot in run["robots"]]
-    return " and ".join(names) if len(names) <= 3 else f"{names[0]}, {names[1]} and {len(names) - 2} more robots"
+    if len(names) > 3:
+        return f"{names[0]}, {names[1]} and {len(names) - 2} more robots"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

@@ -27,7 +27,7 @@ def metrics_of(ate_m: float | None, seconds: float, false: int = 0) -> dict:
         "components": [{"robots": ["alpha", "beta"], "ate_m": ate_m}],
         "candidates": found,
         "candidates_registrable": found,
-        "closures": {"accepted_true": 8, "accepted_false": false},
+        "closures": {"accepted": 8 + false, "accepted_true": 8, "accepted_false": false},
         "funnel": [{"stage": stage, "count": 9, "true": 8, "false": 1} for stage in STAGES],
         "seconds": stages | {"mapping": 0.0, "total": 6 * seconds},
         "seconds_spent": stages | {"odometry": 0.0, "mapping": 0.0, "total": 5 * seconds},

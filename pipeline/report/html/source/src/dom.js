@@ -42,7 +42,7 @@ export function table(caption, header, rows, { wide = false } = {}) {
   const css = (column) => (right[column] ? "number" : undefined);
   return el("div", { class: wide ? "scroll wide" : "scroll", tabindex: "0", role: "region", "aria-label": caption },
     el("table", {},
-      el("caption", {}, caption),
+      el("caption", {}, el("span", {}, caption)),
       el("thead", {}, el("tr", {}, header.map((title, column) =>
         title === "" ? el("td") : el("th", { scope: "col", class: css(column) }, title)))),
       el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell, column) =>
