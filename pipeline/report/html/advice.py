@@ -123,7 +123,12 @@ def _radio(result: RunResult) -> list[str]:
             "There is no radio measurement, so the filter kept every pair: name a log with --wireless, or under"
             " wireless in the data set file."
         ]
-    return [_ambiguous(alignment) for alignment in result.solution.filtered.alignments if alignment.ambiguous]
+    return ambiguities(result.solution.filtered.alignments)
+
+
+def ambiguities(alignments: Sequence[FrameAlignment]) -> list[str]:
+    """What would make each alignment certain that is not."""
+    return [_ambiguous(alignment) for alignment in alignments if alignment.ambiguous]
 
 
 def _ambiguous(alignment: FrameAlignment) -> str:

@@ -171,9 +171,11 @@ function controlsBar({ run, groups, map, draw, look }) {
       groups[layer].visible = !before && checks[k].checked;
     });
     groups.chosen.visible = !before;
+    if (colouring) colouring.disabled = before;
     look(before ? ABOVE : SLANTED);
   };
   const colours = map ? Object.keys(map.colours).map((by, k) => ({ label: by, value: by, checked: k === 0, change: () => (map.colourBy(by), draw()) })) : [];
+  const colouring = colours.length ? toggles("Map's colours by", colours, { type: "radio", group: "map-colours" }) : null;
   const view = (label, direction) => el("button", { type: "button", onclick: () => look(direction) }, label);
   return el("div", { class: "controls" },
     shown,
@@ -182,7 +184,7 @@ function controlsBar({ run, groups, map, draw, look }) {
       ? toggles("When", [{ label: "after merging", checked: true, value: "after", change: when(false) },
           { label: "before: each robot in its own frame", value: "before", change: when(true) }], { type: "radio", group: "when" })
       : null,
-    colours.length ? toggles("Map's colours by", colours, { type: "radio", group: "map-colours" }) : null,
+    colouring,
     el("div", { class: "buttons" }, view("from above", ABOVE), view("slanted", SLANTED)));
 }
 
