@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
-from wiclosure.backends.g2o_reader import read_g2o
+from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.errors import InputError
 from wiclosure.types import KeyframeId
 
@@ -34,7 +34,7 @@ def read(tmp_path):
         for number, lines in enumerate(files):
             paths.append(tmp_path / f"{number}.g2o")
             paths[-1].write_text("\n".join(lines) + "\n")
-        return read_g2o(paths)
+        return read_graphs(paths)
 
     return of_lines
 
@@ -142,7 +142,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(read, lines, message):
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match="nowhere"):
-        read_g2o([tmp_path / "nowhere.g2o"])
+        read_graphs([tmp_path / "nowhere.g2o"])
 
 
 @settings(max_examples=50, deadline=None)
@@ -153,14 +153,14 @@ def test_any_lines_are_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("any") / "0.g2o"
     path.write_text("\n".join(text))
     try:
-        team = read_g2o([path])
+        team = read_graphs([path])
     except InputError:
         return
     assert all(np.isfinite(t.poses).all() for t in team.odometry.values())
 
 
 def test_recorded_graphs_are_read_whole(data_dir):
-    team = read_g2o(sorted((data_dir / "pose_graphs/argos_spoiled/example_4robots").glob("*.g2o")))
+    team = read_graphs(sorted((data_dir / "pose_graphs/argos_spoiled/example_4robots").glob("*.g2o")))
     assert {robot: len(t) for robot, t in team.odometry.items()} == dict.fromkeys("abcd", 275)
     assert len(team.closures) == 45
     np.testing.assert_allclose(se3.inverse(team.odometry["a"].poses[0]) @ team.odometry["a"].poses[0], np.eye(4))
