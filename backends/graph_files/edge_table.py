@@ -10,6 +10,7 @@ from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 DIGITS_M, DIGITS_RAD = 1e-5, 1e-4  # what six written digits leave of a coordinate (relative) and of a quaternion
+FAR_M = 1e3  # coordinates beyond have more digits, or else say nothing of an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +22,8 @@ class EdgeTable:
         T: `(E, 4, 4)` `T_first_second`.
         covariance: `(E, 6, 6)`.
         may_be_false: whether the file says that it is a loop which may be false.
-        exact: whether the guesses agree with it to the digits that are written: they were made from it.
-        chi_square: of the guesses against it; infinite where a guess is missing.
+        misfit: of the guesses, in units of what the written digits leave; infinite where a guess is missing.
+        chi_square: of the same, in the stated covariance.
     """
 
     first: IntArray
@@ -30,7 +31,7 @@ class EdgeTable:
     T: FloatArray
     covariance: FloatArray
     may_be_false: BoolArray
-    exact: BoolArray
+    misfit: FloatArray
     chi_square: FloatArray
 
     def __len__(self) -> int:
@@ -43,9 +44,14 @@ class EdgeTable:
             self.T[rows],
             self.covariance[rows],
             self.may_be_false[rows],
-            self.exact[rows],
+            self.misfit[rows],
             self.chi_square[rows],
         )
+
+    @property
+    def exact(self) -> BoolArray:
+        """Which edges the guesses were made from: they agree to the last digit."""
+        return np.asarray(self.misfit <= 1.0)
 
     def renumbered(self, number: IntArray) -> EdgeTable:
         """With other numbers of the poses: `number (N,)` has the new one of each."""
@@ -73,8 +79,8 @@ def edge_table(
         error[known] = se3.log(se3.between(T[known], predicted))
         whitened = np.linalg.solve(covariance[known], error[known][:, :, None])[:, :, 0]
         chi_square[known] = np.sum(error[known] * whitened, axis=1)
-    reach = np.zeros(len(ends))
-    reach[known] = 1.0 + np.abs(guesses[ends[known]][:, :, :3, 3]).max(axis=(1, 2))
+    reach = np.ones(len(ends))
+    reach[known] = 1.0 + np.minimum(np.abs(guesses[ends[known]][:, :, :3, 3]).max(axis=(1, 2)), FAR_M)
     angle, distance = (np.linalg.norm(part, axis=1) for part in (error[:, :3], error[:, 3:]))
-    exact = known & (angle <= DIGITS_RAD) & (distance <= DIGITS_M * reach)
-    return EdgeTable(first, second, T, covariance, may_be_false, exact, chi_square)
+    misfit = np.maximum(angle / DIGITS_RAD, distance / (DIGITS_M * reach))
+    return EdgeTable(first, second, T, covariance, may_be_false, misfit, chi_square)

@@ -12,7 +12,7 @@ from wiclosure.types import BoolArray, IntArray
 
 NEARLY_ALL = 0.9  # of the steps, or poses: what holds for so many is the rule, and the others are exceptions
 CONTRADICTION = float(chi2.isf(1e-6, 6))
-FAR_WORSE = 1e3  # times the chi-square of the other steps, however wrong the stated sigmas are
+FAR_WORSE = 1e3  # times the misfit of the other steps, however wrong the stated sigmas are
 FRAGMENTS = 10  # poses of a robot, on average; less say that the numbers do not follow the robots
 
 
@@ -26,19 +26,17 @@ def by_own_edges(size: int, edges: EdgeTable) -> IntArray:
 
     1. Guesses that were made from edges, one after the other, tell odometry: these edges agree to the last digit, and
        loops do not.
-    2. Else, where most poses have an edge to the next number, robots are runs of such steps.  A step ends a run if the
-       guesses contradict it and no other, or if it states the matrix of the loops instead of that of the steps.
-    3. Else numbers are interleaved: the fewest chains of rising numbers that hold all poses, of those the ones with the
-       smallest leaps.
-
-    Where 2 or 3 leave less than ten poses to a robot, numbers do not follow robots: all that is connected is one.
+    2. Else matrices do, where odometry states one and the same, and loops others.
+    3. Else robots are chains of rising numbers: the fewest that hold all poses, of those the ones with the smallest
+       leaps.  A step to the next number that the guesses contradict, and no other, is none.  Where this leaves less
+       than ten poses to a robot, numbers do not follow robots: all that is connected is one.
     """
     own = edges[~edges.may_be_false]
     labels = _from_guesses(size, own)
     if labels is None:
-        labels = _from_runs(size, own)
+        labels = _from_matrices(size, own)
     if labels is None:
-        labels = _from_chains(size, own)
+        labels = _from_chains(size, own[~_belies_its_neighbours(own)])
     return _with_strays(labels, edges)
 
 
@@ -53,22 +51,40 @@ def _pairs(edges: EdgeTable) -> IntArray:
     return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
 
 
+def _hold_like_odometry(size: int, edges: EdgeTable) -> bool:
+    """Whether these edges close no loop and reach nearly all poses."""
+    pairs = _pairs(edges)
+    trees = _components(size, *pairs.T)
+    reached = np.bincount(trees)[trees] > 1
+    return len(pairs) == size - len(np.unique(trees)) and bool(reached.mean() >= NEARLY_ALL)
+
+
 def _from_guesses(size: int, edges: EdgeTable) -> IntArray | None:
     """Trees of edges from which the guesses were made; None if they were made otherwise."""
-    exact = _pairs(edges[edges.exact])
-    labels = _components(size, *exact.T)
-    forest = len(exact) == size - len(np.unique(labels))
-    covered = np.bincount(labels)[labels] > 1
-    exceptions = len(_pairs(edges[edges.is_step() & ~edges.exact]))
-    chained = forest and covered.mean() >= NEARLY_ALL and exceptions <= (1 - NEARLY_ALL) * len(exact)
-    return labels if chained else None
+    inexact = edges.is_step() & ~edges.exact & (edges.chi_square < CONTRADICTION)
+    exceptions = len(_pairs(edges[inexact])) / max(len(_pairs(edges[edges.exact])), 1)
+    if exceptions > 1 - NEARLY_ALL or not _hold_like_odometry(size, edges[edges.exact]):
+        return None
+    nearly = edges[edges.exact | (edges.is_step() & (edges.misfit < FAR_WORSE))]  # a step that was written otherwise
+    return _components(size, nearly.first, nearly.second)
 
 
-def _from_runs(size: int, edges: EdgeTable) -> IntArray | None:
-    """Runs of consecutive numbers; None where less than half of the poses have an edge to the next."""
-    steps = edges[edges.is_step() & ~_belies_its_neighbours(edges)]
-    pairs = _pairs(steps)
-    return _unless_in_pieces(_components(size, *pairs.T), edges) if 2 * len(pairs) >= size - 1 else None
+def _from_matrices(size: int, edges: EdgeTable) -> IntArray | None:
+    """Trees of the edges that state the most frequent matrix; None if these are no odometry.
+
+    Steps to the next number that agree with the guesses belong to them, unless they state what loops do.
+    """
+    if not len(edges):
+        return None
+    _, kind = np.unique(edges.covariance.reshape(len(edges), -1).round(12), axis=0, return_inverse=True)
+    usual = kind == np.argmax(np.bincount(kind))
+    if not _hold_like_odometry(size, edges[usual]):
+        return None
+    loops = kind[~edges.is_step() & ~usual]
+    of_loops = kind == (np.argmax(np.bincount(loops)) if len(loops) else -1)
+    step = edges.is_step() & (edges.chi_square < CONTRADICTION) & ~of_loops
+    odometry = edges[usual | step]
+    return _components(size, odometry.first, odometry.second)
 
 
 def _belies_its_neighbours(edges: EdgeTable) -> BoolArray:
@@ -77,18 +93,7 @@ def _belies_its_neighbours(edges: EdgeTable) -> BoolArray:
     if step.sum() < 3:
         return np.zeros(len(edges), bool)
     usual = float(np.quantile(edges.chi_square[step], NEARLY_ALL, method="lower"))
-    if usual < CONTRADICTION:
-        return np.asarray(step & (edges.chi_square > max(CONTRADICTION, FAR_WORSE * usual)))
-    return step & _states_what_loops_state(edges, step)
-
-
-def _states_what_loops_state(edges: EdgeTable, step: BoolArray) -> BoolArray:
-    """Where nearly all steps state one matrix and the loops another: which edges state that of the loops."""
-    _, kind = np.unique(edges.covariance.reshape(len(edges), -1).round(12), axis=0, return_inverse=True)
-    counts = [np.bincount(kind[of], minlength=kind.max() + 1) for of in (step, ~step)]
-    usual = [int(np.argmax(count)) for count in counts]
-    ruled = step.any() and not step.all() and counts[0][usual[0]] >= NEARLY_ALL * step.sum()
-    return np.asarray((kind == usual[1]) & bool(ruled and usual[0] != usual[1]))
+    return np.asarray(step & (edges.chi_square > max(CONTRADICTION, FAR_WORSE * usual)))
 
 
 def _from_chains(size: int, edges: EdgeTable) -> IntArray:
@@ -99,24 +104,18 @@ def _from_chains(size: int, edges: EdgeTable) -> IntArray:
     ends = np.concatenate([first, everyone]), np.concatenate([second, size + everyone])
     left, right = min_weight_full_bipartite_matching(coo_array((leap, ends), shape=(size, 2 * size)).tocsr())
     followed = right < size
-    return _unless_in_pieces(_components(size, everyone[left[followed]], everyone[right[followed]]), edges)
-
-
-def _unless_in_pieces(labels: IntArray, edges: EdgeTable) -> IntArray:
-    """The labels, or all that edges connect as one robot where there are few poses a label."""
-    all_connected = _components(len(labels), edges.first, edges.second)
-    return all_connected if len(labels) < FRAGMENTS * (labels.max() + 1) else labels
+    labels = _components(size, everyone[left[followed]], everyone[right[followed]])
+    everything = _components(size, first, second)
+    return everything if size < FRAGMENTS * (labels.max() + 1) else labels
 
 
 def _with_strays(labels: IntArray, edges: EdgeTable) -> IntArray:
     """Single poses that edges join to one robot alone are its own: one pose is no robot."""
-    labels = labels.copy()
-    single = np.bincount(labels)[labels] == 1
-    for pose, other in ((edges.first, edges.second), (edges.second, edges.first)):
-        rows = single[pose] & ~single[other]
-        for stray in np.unique(pose[rows]):
-            ends = np.concatenate([edges.second[edges.first == stray], edges.first[edges.second == stray]])
-            joined = np.unique(labels[ends[ends != stray]])
-            if len(joined) == 1:
-                labels[stray] = joined[0]
-    return labels
+    joined, single = labels.copy(), np.bincount(labels)[labels] == 1
+    ends = np.concatenate([np.stack([edges.first, edges.second]), np.stack([edges.second, edges.first])], axis=1)
+    ends = ends[:, single[ends[0]] & (ends[0] != ends[1])]
+    for stray in np.unique(ends[0]):
+        robots = np.unique(labels[ends[1, ends[0] == stray]])
+        if len(robots) == 1 and not single[labels == robots[0]].any():
+            joined[stray] = robots[0]
+    return joined

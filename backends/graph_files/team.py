@@ -190,5 +190,6 @@ def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], 
 
 def _identity(graph: NamedGraph, row: int) -> tuple[object, ...]:
     edge = graph.edges[row]
-    unusable = edge.place if edge.defect else ""  # what cannot be used has no numbers to compare
-    return (*graph.ends[row], edge.T_first_second.tobytes(), unusable)
+    place = edge.place if edge.defect else ""  # what cannot be used has no numbers to compare
+    information = b"" if edge.information is None else edge.information.tobytes()
+    return (*graph.ends[row], edge.T_first_second.tobytes(), information, place)
