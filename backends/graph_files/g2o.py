@@ -30,8 +30,10 @@ from wiclosure.backends.graph_files.records import (
 from wiclosure.errors import InputError
 from wiclosure.types import FloatArray
 
-OWN_COMMENT = re.compile(r"# keyframes of (.+): vertices (\d+) to (\d+)")
+OWN_RANGE = re.compile(r"# keyframes of (.+): vertices (\d+) to (\d+)")
+OWN_KEYS = re.compile(r"# keys of (.+): ([\d -]+)")
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+MOST_KEYS = 10**7  # of one span in a comment; more is a mistake
 NO_POSES = ("FIX", "PARAMS")
 Rows: TypeAlias = list[tuple[int, list[str]]]
 """Line number, and the words after the tag."""
@@ -113,8 +115,10 @@ def _set_aside(records: FileRecords, remarks: Remarks, number: int, line: str) -
     """Counts a line that is no pose and no edge; some comments are ours."""
     tag = line.split(maxsplit=1)[0][:40]
     if tag[0] in "#%":
-        if own := OWN_COMMENT.fullmatch(line.strip()):
+        if own := OWN_RANGE.fullmatch(line.strip()):
             records.ranges.append((own[1], int(own[2]), int(own[3])))
+        elif own := OWN_KEYS.fullmatch(line.strip()):
+            records.owners |= dict.fromkeys(_spans(own[2]), own[1])
         else:
             records.ignored["comment"] += 1
         return
@@ -123,6 +127,14 @@ def _set_aside(records: FileRecords, remarks: Remarks, number: int, line: str) -
         remarks.add(
             f"{records.path} {tag}", f"{records.path}, line {number}: {tag!r} is no kind of line known here; ignored"
         )
+
+
+def _spans(words: str) -> Iterator[int]:
+    """The numbers of `0-3 5 7-8`; what is no such span names none."""
+    for word in words.split():
+        first, _, last = word.partition("-")
+        if first.isdecimal() and (last or first).isdecimal() and int(last or first) - int(first) <= MOST_KEYS:
+            yield from range(int(first), int(last or first) + 1)
 
 
 def _vertices(path: Path, tag: str, rows: Rows) -> list[Vertex]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,7 +50,11 @@ PLANAR = Form("VERTEX_SE2", "EDGE_SE2", _planar_columns, (3, 4, 2))
 
 
 def write_g2o(
-    result: GraphResult, path: Path, keys: Mapping[str, np.ndarray] | None = None, form: Form = SPATIAL
+    result: GraphResult,
+    path: Path,
+    keys: Mapping[str, np.ndarray] | None = None,
+    form: Form = SPATIAL,
+    tell: Collection[str] = (),
 ) -> None:
     """Writes the graph for other solvers: odometry and accepted closures as edges, rejected closures as comments.
 
@@ -64,6 +68,7 @@ def write_g2o(
             order of `result.trajectories`, because g2o takes 32 bits and GTSAM's own keys need 64; comments at the top
             say which robot has which.
         form: `PLANAR` writes what planar graphs hold.
+        tell: robots that `keys` do not name; comments at the top say which keys they have.
 
     Raises:
         OutputError: the file cannot be written.
@@ -71,7 +76,10 @@ def write_g2o(
     sizes = {robot: len(trajectory) for robot, trajectory in result.trajectories.items()}
     starts = dict(zip(sizes, np.cumsum([0, *sizes.values()]).tolist(), strict=False))
     numbers = keys if keys is not None else {robot: starts[robot] + np.arange(size) for robot, size in sizes.items()}
-    lines = [] if keys is not None else [_range(robot, numbers[robot]) for robot in sizes]
+    if keys is None:
+        lines = [_range(robot, numbers[robot]) for robot in sizes]
+    else:
+        lines = [_spans(robot, numbers[robot]) for robot in sizes if robot in tell]
     for robot, trajectory in result.trajectories.items():
         poses = zip(numbers[robot].tolist(), form.poses(trajectory.poses), strict=True)
         lines += [f"{form.vertex} {number} {pose}" for number, pose in poses]
@@ -85,6 +93,11 @@ def write_g2o(
 
 def _range(robot: str, numbers: np.ndarray) -> str:
     return f"# keyframes of {robot}: vertices {numbers[0]} to {numbers[-1]}"
+
+
+def _spans(robot: str, numbers: np.ndarray) -> str:
+    runs = np.split(np.sort(numbers), np.flatnonzero(np.diff(np.sort(numbers)) != 1) + 1)
+    return f"# keys of {robot}: " + " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
 
 
 def _without_edges(result: GraphResult) -> Iterator[str]:

@@ -60,6 +60,8 @@ class Naming:
         for robot, first, last in file.ranges:
             if first <= key <= last:
                 return Pose(robot, key - first)
+        if key in file.owners:
+            return Pose(file.owners[key], key)
         character, label, index = _symbol(key)
         if character in self._own:
             return Pose(self._files[file.path], index)
@@ -100,7 +102,7 @@ def _plain_overlap(files: Sequence[FileRecords]) -> bool:
 
 
 def _explained(file: FileRecords, key: int) -> bool:
-    return any(first <= key <= last for _, first, last in file.ranges)
+    return key in file.owners or any(first <= key <= last for _, first, last in file.ranges)
 
 
 def _contradicting_characters(files: Sequence[FileRecords]) -> set[str]:
@@ -122,6 +124,6 @@ def _contradicting_characters(files: Sequence[FileRecords]) -> set[str]:
 
 def _file_names(files: Sequence[FileRecords]) -> dict[Path, str]:
     """What a robot is called after its file, unless a key of another file already calls one so."""
-    told = {robot for file in files for robot, _, _ in file.ranges}
+    told = {robot for file in files for robot in [*(r for r, _, _ in file.ranges), *file.owners.values()]}
     told |= {word for file in files for key in _keys(file) for word in _symbol(key)[:2]}
     return {file.path: file.path.name if file.name in told else file.name for file in files}

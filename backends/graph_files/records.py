@@ -86,7 +86,8 @@ class FileRecords:
         path: the file.
         name: what a robot is called if only the file's name tells.
         vertices, edges: in the order of the file.
-        ranges: robot, first and last key, where the file says whose keys are whose.
+        ranges: robot, first and last key, where the file says so; its index counts from the first.
+        owners: robot by key, where the file says so; its index is the key.
         ignored: how often each kind of line or measurement that is not used stands there.
         planar: whether all its poses lie in a plane.
         is_robot_log: whether it is a JSON Robot Log.
@@ -98,6 +99,7 @@ class FileRecords:
     vertices: list[Vertex] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     ranges: list[tuple[str, int, int]] = field(default_factory=list)
+    owners: dict[int, str] = field(default_factory=dict)
     ignored: Counter[str] = field(default_factory=Counter)
     planar: bool = False
     is_robot_log: bool = False

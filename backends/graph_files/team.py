@@ -45,6 +45,7 @@ class GraphTeam:
         keys: `(N,)` uint64 by robot: the whole key in the files.
         closures: all other edges, each once although both robots' files may hold it.
         edges: the edge in the files of each closure.
+        unnamed: robots that keys do not name, but their own edges.
         unusable: edges that are left out.
         origins: `(3,)` by robot: added to the positions of its odometry it gives those in the files.
         planar: whether all files are of planar graphs.
@@ -59,6 +60,7 @@ class GraphTeam:
     keys: dict[str, NDArray[np.uint64]]
     closures: list[Closure]
     edges: list[Edge]
+    unnamed: frozenset[str]
     unusable: tuple[UnusableEdge, ...]
     origins: dict[str, FloatArray]
     planar: bool
@@ -132,6 +134,7 @@ def _team(graph: NamedGraph, found: Sequence[Part], files: Sequence[FileRecords]
         keys={part.robot: np.array([graph.vertices[n].key for n in part.poses], np.uint64) for part in found},
         closures=closures,
         edges=edges,
+        unnamed=frozenset(p.robot for p in found if graph.poses[p.poses[0]].robot in graph.unnamed),
         unusable=tuple(unusable),
         origins=origins,
         planar=all(file.planar for file in files if file.vertices or file.edges),

@@ -47,7 +47,7 @@ class MergedSummary(TypedDict):
 def write_merged(folder: Path, merged: Merged) -> None:
     """Writes all files into an existing folder."""
     team, trajectories = merged.team, merged.graph.trajectories
-    write_g2o(merged.graph, folder / "graph.g2o", team.keys, PLANAR if team.planar else SPATIAL)
+    write_g2o(merged.graph, folder / "graph.g2o", team.keys, PLANAR if team.planar else SPATIAL, team.unnamed)
     for robot, trajectory in trajectories.items():
         write_tum(folder / f"{_file_stem(robot)}.tum", trajectory)
         write_kitti_poses(folder / f"{_file_stem(robot)}_kitti.txt", trajectory)
