@@ -14,7 +14,7 @@ from wiclosure import se3
 from wiclosure.backends.factors import Keys
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.errors import OutputError
-from wiclosure.types import Decision, FloatArray
+from wiclosure.types import Closure, FloatArray, measured_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,23 +135,22 @@ def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form
 
 def _rejected(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form) -> Iterator[str]:
     """Two comments for each rejected closure that states a measurement: why, and the edge that it would have been."""
-    rejected = [
-        c for c in result.closures if c.decision is Decision.REJECTED and _measures(c.T_query_match, c.covariance)
-    ]
+    rejected = [c for c in result.closures if c.rejected_at is not None and _measures(c)]
     if not rejected:
         return
-    information = np.linalg.inv(np.stack([c.covariance for c in rejected]))
-    for closure, edge in zip(
-        rejected, form.edges(np.stack([c.T_query_match for c in rejected]), information), strict=True
-    ):
+    T_query_match, covariance = measured_poses(rejected)
+    edges = form.edges(T_query_match, np.asarray(np.linalg.inv(covariance)))
+    for closure, edge in zip(rejected, edges, strict=True):
         first, second = (numbers[key.robot][key.index] for key in (closure.query, closure.match))
         yield f"# rejected: {closure.reason}"
         yield f"# {form.edge} {first} {second} {edge}"
 
 
-def _measures(T: FloatArray, covariance: FloatArray) -> bool:
-    finite = bool(np.isfinite(T).all() and np.isfinite(covariance).all())
-    return finite and bool(np.linalg.eigvalsh(covariance)[0] > 0)
+def _measures(closure: Closure) -> bool:
+    if closure.measured is None or not np.isfinite(closure.measured.T_query_match).all():
+        return False
+    covariance = closure.measured.covariance
+    return bool(np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0)
 
 
 def _information(factor: gtsam.BetweenFactorPose3) -> FloatArray:

@@ -19,7 +19,7 @@ from wiclosure.backends.graph_files.read import read_records
 from wiclosure.backends.graph_files.records import Edge, FileRecords, Remarks, Vertex
 from wiclosure.backends.graph_files.settings import GraphFileSettings
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, Evidence, FloatArray, IntArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Trajectory
 
 LOCAL_M = 1e4  # coordinates beyond are a map's (UTM): covariances about an origin so far away lose their digits
 
@@ -186,7 +186,7 @@ def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], 
             continue
         query, match = (position[int(n)] for n in graph.numbers[row])
         covariance = graph.stated.matrices[row]
-        closures.append(Closure(query, match, edge.T_first_second, covariance, Evidence(), Decision.VERIFIED))
+        closures.append(Closure.from_measurement(query, match, edge.T_first_second, covariance))
         edges.append(edge)
     return closures, edges, unusable
 

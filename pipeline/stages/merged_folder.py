@@ -12,9 +12,10 @@ from wiclosure.backends.graph_files.g2o_writer import PLANAR, SPATIAL, write_g2o
 from wiclosure.backends.graph_files.jrr_writer import write_robot_results
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import write_tum
+from wiclosure.pipeline.stages.closures_csv import decision
 from wiclosure.pipeline.stages.optimising import Merged
 from wiclosure.pipeline.stages.run_folder import write_json
-from wiclosure.types import Closure, Decision
+from wiclosure.types import Closure
 
 COLUMNS = ("first", "second", "decision", "reason", "residual_m", "residual_rad", "agrees_with", "place")
 
@@ -56,11 +57,8 @@ def write_merged(folder: Path, merged: Merged) -> None:
         rows.writeheader()
         rows.writerows(_rows(merged))
     if team.from_robot_log:
-        rejected = [
-            edge.factor
-            for edge, closure in zip(team.edges, merged.graph.closures, strict=True)
-            if edge.factor and closure.decision is Decision.REJECTED
-        ]
+        closures = zip(team.edges, merged.graph.closures, strict=True)
+        rejected = [edge.factor for edge, closure in closures if edge.factor and closure.rejected_at is not None]
         poses = {robot: trajectory.poses for robot, trajectory in trajectories.items()}
         write_robot_results(folder / "results.jrr", team.title, poses, team.keys, rejected, planar=team.planar)
     write_json(folder / "summary.json", summary(merged))
@@ -96,7 +94,7 @@ def summary(merged: Merged) -> MergedSummary:
 def _label_scores(merged: Merged) -> LabelScores | None:
     """The labels that a JSON Robot Log gives its loops against what was decided; None where there are no labels."""
     labelled = [
-        (not edge.is_false, closure.decision is Decision.ACCEPTED)
+        (not edge.is_false, closure.rejected_at is None)
         for edge, closure in zip(merged.team.edges, merged.graph.closures, strict=True)
         if edge.is_false is not None
     ]
@@ -118,24 +116,22 @@ def _rows(merged: Merged) -> list[dict[str, Any]]:
     """One row a closure, those that could not be used last."""
     rows = [_row(merged, c, edge.place) for c, edge in zip(merged.graph.closures, merged.team.edges, strict=True)]
     unknown = dict.fromkeys(("residual_m", "residual_rad"))
-    rejected = str(Decision.REJECTED)
     return rows + [
-        {"first": u.first, "second": u.second, "decision": rejected, "reason": u.reason, **unknown, "agrees_with": 0}
+        {"first": u.first, "second": u.second, "decision": "rejected", "reason": u.reason, **unknown, "agrees_with": 0}
         | {"place": u.place}
         for u in merged.team.unusable
     ]
 
 
 def _row(merged: Merged, closure: Closure, place: str) -> dict[str, Any]:
-    evidence = closure.evidence
-    connected = np.isfinite(evidence.residual_m)
+    residual = closure.residual
     return {
         "first": merged.name(closure.query),
         "second": merged.name(closure.match),
-        "decision": str(closure.decision),
+        "decision": decision(closure),
         "reason": closure.reason,
-        "residual_m": round(evidence.residual_m, 6) if connected else None,
-        "residual_rad": round(evidence.residual_rad, 6) if connected else None,
-        "agrees_with": evidence.consistent_with,
+        "residual_m": None if residual is None else round(residual.translation_m, 6),
+        "residual_rad": None if residual is None else round(residual.rotation_rad, 6),
+        "agrees_with": closure.consistent_with,
         "place": place,
     }

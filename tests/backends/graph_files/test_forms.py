@@ -28,7 +28,7 @@ def require_same(team, written):
              for c in team.closures}  # fmt: skip
     assert sorted(found) == sorted((q, m) for q, m, _ in written.loops)
     for q, m, T in written.loops:
-        np.testing.assert_allclose(found[q, m].T_query_match, T, atol=1e-9)
+        np.testing.assert_allclose(found[q, m].measured.T_query_match, T, atol=1e-9)
     assert not team.unusable
 
 

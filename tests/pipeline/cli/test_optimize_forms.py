@@ -82,7 +82,7 @@ def test_edges_without_information_get_what_the_settings_say(run, forms, team, t
     assert code == 0
     assert f"{58 + len(team.loops)} of {58 + len(team.loops)} edges state no information; 0.05 m and 0.01 rad" in err
     assert found["closures"]["accepted"] >= 0.5 * len(team.loops)
-    assert read_graphs([path]).closures[0].covariance == pytest.approx(np.eye(6))
+    assert read_graphs([path]).closures[0].measured.covariance == pytest.approx(np.eye(6))
 
 
 def test_decimal_commas_are_called_so(run, forms, team, tmp_path):
