@@ -152,7 +152,8 @@ def _edges(path: Path, tag: str, rows: Rows, remarks: Remarks) -> Iterator[Edge]
     stated = np.array([len(words) > 2 + layout.numbers for _, words in rows])
     information = layout.information(np.where(stated[:, None], numbers[:, layout.numbers :], 0.0))
     if layout.numbers == 7:
-        _tell_lengths(path, rows, np.linalg.norm(numbers[:, 3:7], axis=1), remarks)
+        usable = np.array([not defect for defect in defects])
+        _tell_lengths(path, rows, np.linalg.norm(np.where(usable[:, None], numbers[:, 3:7], 0.5), axis=1), remarks)
     for n, (number, _) in enumerate(rows):
         place, matrix = f"{path}, line {number}", information[n] if stated[n] else None
         first, second = keys[n]
@@ -160,7 +161,7 @@ def _edges(path: Path, tag: str, rows: Rows, remarks: Remarks) -> Iterator[Edge]
 
 
 def _tell_lengths(path: Path, rows: Rows, length: FloatArray, remarks: Remarks) -> None:
-    odd = np.flatnonzero((np.abs(length - 1) > UNIT_TOLERANCE) & np.isfinite(length) & (length >= UNIT_TOLERANCE))
+    odd = np.flatnonzero(np.abs(length - 1) > UNIT_TOLERANCE)
     for n in odd[:1]:
         sentence = f"{path}, line {rows[n][0]}: the quaternion has length {length[n]:.4g}; normalised"
         remarks.add("quaternion length", sentence, len(odd))

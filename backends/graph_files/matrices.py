@@ -16,6 +16,8 @@ LEAST_INFORMATION = 1e-8  # 10 km, 10,000 rad: nothing is known along that axis
 MOST_INFORMATION = 1e14  # a tenth of a micrometre: what is more exact than that loses the rest to rounding
 REFUSED_SHARE = 0.2  # more indefinite matrices than this are a habit of the writer, no accident
 REFUSED_COUNT = 3
+TOO_LARGE = 1e30  # of an information: no sensor's
+NO_NUMBERS = "its information matrix is not finite"
 INDEFINITE = "its information matrix is not positive semi-definite"
 
 
@@ -41,8 +43,8 @@ def covariances(edges: Sequence[Edge], settings: GraphFileSettings, remarks: Rem
     if not edges:
         return Covariances(np.zeros((0, 6, 6)), [])
     information, defects = _stated(edges, settings, remarks), [edge.defect for edge in edges]
-    finite = np.asarray(np.isfinite(information).all(axis=(1, 2)))
-    information[~finite] = np.eye(6)
+    sensible = np.asarray((np.abs(np.nan_to_num(information, nan=np.inf)) < TOO_LARGE).all(axis=(1, 2)))
+    information[~sensible] = np.eye(6)
     eigenvalues, axes = np.linalg.eigh(information)
     indefinite = eigenvalues[:, 0] < -1e-9 * np.maximum(eigenvalues[:, -1], 1.0)
     if settings.indefinite == "refuse":
@@ -58,8 +60,8 @@ def covariances(edges: Sequence[Edge], settings: GraphFileSettings, remarks: Rem
     variances = 1.0 / np.clip(eigenvalues, LEAST_INFORMATION, MOST_INFORMATION)
     refused = indefinite if settings.indefinite == "refuse" else np.zeros(len(edges), bool)
     defects = [
-        defect or ("a number is not finite" if not fine else INDEFINITE if bad else "")
-        for defect, fine, bad in zip(defects, finite, refused, strict=True)
+        defect or (NO_NUMBERS if not fine else INDEFINITE if bad else "")
+        for defect, fine, bad in zip(defects, sensible, refused, strict=True)
     ]
     return Covariances((axes * variances[:, None, :]) @ np.swapaxes(axes, 1, 2), defects)
 

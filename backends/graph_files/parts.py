@@ -85,7 +85,7 @@ def parts(graph: NamedGraph, remarks: Remarks) -> list[Part]:
     for robot, first, size in _runs(graph.poses):
         inside = (table.first >= first) & (table.first < first + size)
         local = table[inside].renumbered(np.arange(len(graph.poses)) - first)
-        labels = (by_own_edges if robot in graph.unnamed else connected)(size, local)
+        labels = _by_first_pose((by_own_edges if robot in graph.unnamed else connected)(size, local))
         _require_usable(graph, robot, first, labels)
         names = _part_names(robot, int(labels.max()) + 1, taken)
         of_robot = [
@@ -102,6 +102,12 @@ def _part(name: str, members: IntArray, first: int, local: EdgeTable, rows: IntA
     number[members] = np.arange(len(members))
     tree = odometry_tree(len(members), local[inside].renumbered(number))
     return Part(name, first + members[tree.order], tree, rows[inside][tree.rows])
+
+
+def _by_first_pose(labels: IntArray) -> IntArray:
+    """The same labels as 0, 1, ... in the order of their first poses."""
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse]
 
 
 def _runs(poses: Sequence[Pose]) -> Iterator[tuple[str, int, int]]:

@@ -14,6 +14,7 @@ from wiclosure.errors import InputError
 from wiclosure.types import BoolArray, FloatArray
 
 FURTHEST_M = 1e8  # from here on a coordinate is a mistake, and its square loses what metres need
+MOST_LENGTH = 1e6  # of a quaternion that was not normalised
 UNIT_TOLERANCE = 1e-3  # quaternions printed with four decimals stay within this of length one
 MAX_KEY = (1 << 64) - 1
 
@@ -126,8 +127,9 @@ def transforms(rotation: Rotation, translation: FloatArray, usable: BoolArray) -
 
 def from_quaternions(numbers: FloatArray) -> tuple[FloatArray, list[str]]:
     """Transforms `(N, 4, 4)` of rows `(N, 7)` x y z qx qy qz qw, and what is wrong with each, empty if nothing."""
-    length = np.linalg.norm(np.nan_to_num(numbers[:, 3:], posinf=0, neginf=0), axis=1)
-    defects = pose_defects(numbers, np.where(length < UNIT_TOLERANCE, "its quaternion is zero", ""))
+    largest = np.abs(np.nan_to_num(numbers[:, 3:], posinf=0, neginf=0)).max(axis=1, initial=0.0)
+    length = np.where(largest < UNIT_TOLERANCE / 2, "its quaternion is zero", "")
+    defects = pose_defects(numbers, np.where(largest > MOST_LENGTH, "its quaternion is no rotation", length))
     usable = np.array([not d for d in defects], bool)
     quaternions = np.where(usable[:, None], numbers[:, 3:], [0.0, 0.0, 0.0, 1.0])
     return transforms(Rotation.from_quat(quaternions), numbers[:, :3], usable), defects
