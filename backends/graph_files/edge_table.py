@@ -57,6 +57,11 @@ class EdgeTable:
         """With other numbers of the poses: `number (N,)` has the new one of each."""
         return replace(self, first=number[self.first], second=number[self.second])
 
+    def matrix_kinds(self) -> IntArray:
+        """A number `(E,)` for each different matrix that edges state."""
+        stated = self.covariance.reshape(-1, 36).round(12)
+        return np.asarray(np.unique(stated, axis=0, return_inverse=True)[1], np.int64)
+
     def is_step(self) -> BoolArray:
         """Which edges join consecutive poses and are not said to be loops."""
         return np.asarray((np.abs(self.second - self.first) == 1) & ~self.may_be_false)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from wiclosure.backends.graph_files.records import FileRecords
+from wiclosure.types import FloatArray
 
 SYMBOL_SHIFT = 56  # GTSAM's symbols: a character in the first byte, the index in the others
+SAME = 1e-3  # what two programs may write differently of one measurement
 LABEL_SHIFT = 48  # labelled symbols: another one in the second byte
 
 
@@ -44,15 +49,16 @@ class Naming:
     """
 
     def __init__(self, files: Sequence[FileRecords]) -> None:
-        keys = {key for file in files for key in _keys(file)}
-        self._characters = {character for character, label, _ in map(_symbol, keys) if label}
+        keys = [_keys(file) for file in files]
+        symbols = {_symbol(key)[:2] for of_file in keys for key in of_file}
+        self._characters = {character for character, label in symbols if label}
         self._owner: dict[int, FileRecords] = {}
         for file in reversed(files):
             self._owner |= {vertex.key: file for vertex in file.vertices}
         self._own = {""} if _plain_overlap(files) else set()
         self._own |= _contradicting_characters(files)
-        self._files = _file_names(files)
-        named = ((file, key) for file in files for key in _keys(file))
+        self._files = _file_names(files, {word for symbol in symbols for word in symbol})
+        named = ((file, key) for file, of_file in zip(files, keys, strict=True) for key in of_file)
         self.unnamed = {self(file, key).robot for file, key in named if self._only_by_edges(file, key)}
 
     def __call__(self, file: FileRecords, key: int) -> Pose:
@@ -78,6 +84,7 @@ class Naming:
         return not _symbol(key)[0] and not _explained(file, key)
 
 
+@lru_cache(maxsize=1 << 20)
 def _symbol(key: int) -> tuple[str, str, int]:
     """Character, label, index; empty where the key has none."""
     character = chr(key >> SYMBOL_SHIFT)
@@ -89,10 +96,8 @@ def _symbol(key: int) -> tuple[str, str, int]:
     return character, (text if text.isprintable() and text != " " else str(label)) if label else "", index
 
 
-def _keys(file: FileRecords) -> Iterable[int]:
-    yield from (vertex.key for vertex in file.vertices)
-    for edge in file.edges:
-        yield from (edge.first, edge.second)
+def _keys(file: FileRecords) -> set[int]:
+    return {v.key for v in file.vertices} | {key for edge in file.edges for key in (edge.first, edge.second)}
 
 
 def _plain_overlap(files: Sequence[FileRecords]) -> bool:
@@ -107,23 +112,22 @@ def _explained(file: FileRecords, key: int) -> bool:
 
 def _contradicting_characters(files: Sequence[FileRecords]) -> set[str]:
     """Characters that two files use for different robots: between the same poses no measurement is alike."""
-    stated: dict[tuple[int, int], list[set[bytes]]] = {}
-    for file in files:
-        of_file: dict[tuple[int, int], set[bytes]] = {}
+    stated: dict[tuple[int, int], list[tuple[int, FloatArray]]] = {}
+    for n, file in enumerate(files):
         for edge in file.edges:
-            if edge.first >> SYMBOL_SHIFT == edge.second >> SYMBOL_SHIFT:
-                of_file.setdefault((edge.first, edge.second), set()).add(edge.T_first_second.tobytes())
-        for ends, measured in of_file.items():
-            stated.setdefault(ends, []).append(measured)
+            if edge.first >> LABEL_SHIFT == edge.second >> LABEL_SHIFT:
+                stated.setdefault((edge.first, edge.second), []).append((n, edge.T_first_second))
     alike: dict[str, bool] = {}
-    for (first, _), sets in stated.items():
-        if len(sets) > 1 and (character := _symbol(first)[0]):
-            alike[character] = alike.get(character, False) or bool(set.intersection(*sets))
+    for (first, _), measured in stated.items():
+        (n, T), (character, label, _) = measured[0], _symbol(first)
+        others = [other for m, other in measured[1:] if m != n]
+        if character and not label and others:
+            same = any(np.allclose(T, other, rtol=0, atol=SAME) for other in others)
+            alike[character] = alike.get(character, False) or same
     return {character for character, same in alike.items() if not same}
 
 
-def _file_names(files: Sequence[FileRecords]) -> dict[Path, str]:
-    """What a robot is called after its file, unless a key of another file already calls one so."""
-    told = {robot for file in files for robot in [*(r for r, _, _ in file.ranges), *file.owners.values()]}
-    told |= {word for file in files for key in _keys(file) for word in _symbol(key)[:2]}
+def _file_names(files: Sequence[FileRecords], told: set[str]) -> dict[Path, str]:
+    """What a robot is called after its file, unless something in the files already calls one so."""
+    told |= {robot for file in files for robot in [*(r for r, _, _ in file.ranges), *file.owners.values()]}
     return {file.path: file.path.name if file.name in told else file.name for file in files}

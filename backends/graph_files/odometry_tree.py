@@ -57,13 +57,20 @@ def odometry_tree(size: int, edges: EdgeTable) -> OdometryTree:
     steps = np.unique(np.minimum(edges.first, edges.second)[step])
     sure = step if 2 * len(steps) >= size - 1 else np.zeros(len(edges), bool)
     rank = np.where(sure, 0, np.where(edges.exact, 1, 2)) + 3 * edges.may_be_false
+    kinds = edges.matrix_kinds()
+    rare = -np.bincount(kinds, sure)[kinds]  # what few steps state is rather a loop's
     worth = np.where(edges.exact, 0.0, edges.chi_square)
-    canonical = edges.canonical_order()
-    rows = _spanning_rows(size, edges, canonical[np.lexsort((worth[canonical], rank[canonical]))])
+    rows = _spanning_rows(size, edges, _order(edges, rank, ~edges.exact, rare, worth))
     if (rank[rows] > 1).any():
         worth = _robust_cost(size, edges, rows, rank < 2)
-        rows = _spanning_rows(size, edges, canonical[np.lexsort((worth[canonical], rank[canonical]))])
+        rows = _spanning_rows(size, edges, _order(edges, rank, worth))
     return _rooted(size, edges, rows)
+
+
+def _order(edges: EdgeTable, *keys: FloatArray | IntArray | BoolArray) -> IntArray:
+    """Rows sorted by the keys, the first counting most; edges alike in all by what they state, not by their place."""
+    canonical = edges.canonical_order()
+    return canonical[np.lexsort([key[canonical] for key in reversed(keys)])]
 
 
 def composed(parents: IntArray, steps: FloatArray) -> FloatArray:
@@ -90,10 +97,7 @@ def _rooted(size: int, edges: EdgeTable, rows: IntArray) -> OdometryTree:
     graph = coo_array((np.ones(2 * len(rows)), (np.r_[first, second], np.r_[second, first])), shape=(size, size))
     _, before = breadth_first_order(graph.tocsr(), 0, directed=False)
     before[0] = 0
-    tree: nx.DiGraph[int] = nx.DiGraph()
-    tree.add_nodes_from(range(size))
-    tree.add_edges_from((int(before[n]), n) for n in range(1, size))
-    order = np.fromiter(nx.lexicographical_topological_sort(tree), np.int64, size)
+    order = _parents_first(before.astype(np.int64))
     place = np.argsort(order)
     child = np.where(before[second] == first, second, first)
     by_place = np.argsort(place[child])
@@ -103,6 +107,15 @@ def _rooted(size: int, edges: EdgeTable, rows: IntArray) -> OdometryTree:
     steps = np.where(turned[:, None, None], se3.inverse(T), T)
     covariances = np.where(turned[:, None, None], se3.inverse_covariance(T, covariance), covariance)
     return OdometryTree(order, np.r_[0, place[before[child]]], steps, covariances, rows)
+
+
+def _parents_first(before: IntArray) -> IntArray:
+    """The numbers in their order, but each after the one before it on the way from 0."""
+    size = len(before)
+    if (before[1:] < np.arange(1, size)).all():
+        return np.arange(size)
+    tree: nx.DiGraph[int] = nx.DiGraph(zip(before[1:].tolist(), range(1, size), strict=True))
+    return np.fromiter(nx.lexicographical_topological_sort(tree), np.int64, size)
 
 
 def _robust_cost(size: int, edges: EdgeTable, start_rows: IntArray, trusted: BoolArray) -> FloatArray:

@@ -76,7 +76,7 @@ def _from_matrices(size: int, edges: EdgeTable) -> IntArray | None:
     """
     if not len(edges):
         return None
-    _, kind = np.unique(edges.covariance.reshape(len(edges), -1).round(12), axis=0, return_inverse=True)
+    kind = edges.matrix_kinds()
     usual = kind == np.argmax(np.bincount(kind))
     if not _hold_like_odometry(size, edges[usual]):
         return None

@@ -77,7 +77,7 @@ def require_read_or_refused(path):
 
 
 @pytest.mark.parametrize("form", ["symbols", "labelled", "interleaved", "toro3", "toro2", "planar, interleaved"])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_damaged_text_is_read_or_refused(form, forms, tmp_path_factory, seed):
     _, (path,) = forms.written(form, 5, tmp_path_factory.mktemp("damaged"))
@@ -86,7 +86,7 @@ def test_damaged_text_is_read_or_refused(form, forms, tmp_path_factory, seed):
 
 
 @pytest.mark.parametrize("form", ["robot log", "planar robot log"])
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_damaged_robot_logs_are_read_or_refused(form, forms, tmp_path_factory, seed):
     _, (path,) = forms.written(form, 5, tmp_path_factory.mktemp("damaged"))

@@ -33,14 +33,14 @@ def require_same(team, written):
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10**6), robots=st.integers(2, 4))
 def test_what_is_written_in_any_form_is_read_back(form, forms, tmp_path_factory, seed, robots):
     written, paths = forms.written(form, seed, tmp_path_factory.mktemp("form"), robots=robots)
     require_same(read_graphs(paths), written)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_order_of_lines_and_files_and_large_numbers_change_nothing(forms, tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
@@ -54,7 +54,7 @@ def test_order_of_lines_and_files_and_large_numbers_change_nothing(forms, tmp_pa
     require_same(read_graphs(forms.write(tmp_path_factory.mktemp("plain"), [shuffled])), team)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_the_guesses_of_a_team_in_one_frame_do_not_make_it_one_robot(forms, tmp_path_factory, seed):
     """An optimiser wrote the guesses: no edge agrees exactly, and only the numbers are left to tell."""
