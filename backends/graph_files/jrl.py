@@ -29,38 +29,54 @@ from wiclosure.errors import InputError
 from wiclosure.types import FloatArray
 
 Json = Any  # what a file may hold
+RELATIVE_POSES = ("BetweenFactorPose2", "BetweenFactorPose3")
+PRIORS = ("PriorFactorPose2", "PriorFactorPose3")
 UNKNOWN = np.full((4, 4), np.nan)
 WXYZ_TO_XYZW = (1, 2, 3, 0)
 
 
 def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
-    """Poses and relative poses of a robot log; priors, ranges, bearings and landmarks are counted and left out.
+    """Poses and relative poses of a robot log; ranges, bearings and landmarks are counted and left out.
+
+    A prior of a pose is its first guess where the log has no other.
 
     Raises:
         InputError: the file cannot be read, or is no robot log.
     """
     log = _loaded(path)
-    records, kinds = FileRecords(path, name, is_robot_log=True), set()
+    records = FileRecords(path, name, is_robot_log=True)
     try:
         records.title = str(log.get("name", name))
-        doubtful, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
-        records.vertices += _guesses(path, log.get("initialization") or {}, records)
-        for robot, entries in log["measurements"].items():
-            for factor, measurement in _measurements(robot, entries):
-                edge = _edge(path, factor, measurement, records)
-                if edge is not None:
-                    kinds.add(measurement["type"])
-                    records.edges.append(_labelled(edge, factor, doubtful, false))
+        guesses = list(_guesses(path, log.get("initialization") or {}, records))
+        priors = _add_measurements(records, log)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         raise InputError(
             f"{path} is no JSON Robot Log ({type(error).__name__}: {str(error)[:100]}); expected name, robots,"
             " measurements as in its description"
         ) from error
-    records.planar = bool(kinds) and kinds <= {"BetweenFactorPose2"}
-    known = {vertex.key for vertex in records.vertices}
-    joined = {key: edge.place for edge in records.edges for key in (edge.first, edge.second)}
-    records.vertices += [Vertex(key, place, UNKNOWN) for key, place in joined.items() if key not in known]
+    joined = {key: Vertex(key, edge.place, UNKNOWN) for edge in records.edges for key in (edge.first, edge.second)}
+    records.vertices += (joined | priors | {vertex.key: vertex for vertex in guesses}).values()
     return records
+
+
+def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, Vertex]:
+    """Adds all relative poses with their labels; returns priors of poses by key."""
+    doubtful, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
+    priors: dict[int, Vertex] = {}
+    records.planar = True
+    for factor, measurement in _measurements(log["measurements"]):
+        kind = str(measurement["type"])
+        place = "{}, robot {}, entry {}, measurement {}".format(records.path, *factor)
+        planar = kind.endswith("Pose2")
+        if kind in RELATIVE_POSES:
+            records.planar &= planar
+            records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, doubtful, false))
+        elif kind in PRIORS:
+            vertex = _vertex(place, measurement["prior"], measurement["key"], planar=planar)
+            priors.setdefault(vertex.key, vertex)
+        else:
+            records.ignored[kind[:40]] += 1
+    return priors
 
 
 def _loaded(path: Path) -> dict[str, Json]:
@@ -78,8 +94,11 @@ def _from_cbor(path: Path, content: bytes) -> Json:
     try:
         import cbor2
     except ImportError as error:
-        raise InputError(f"{path}: reading CBOR needs the package cbor2 (pip install cbor2)") from error
-    return cbor2.loads(content)
+        raise InputError(f"{path}: reading CBOR needs the package cbor2 (pip install wiclosure[cbor])") from error
+    try:
+        return cbor2.loads(content)
+    except cbor2.CBORDecodeError as error:
+        raise InputError(f"{path} is no CBOR: {str(error)[:100]}; the file is cut?") from error
 
 
 def _labels(listed: Json) -> set[tuple[str, int, int]] | None:
@@ -89,10 +108,11 @@ def _labels(listed: Json) -> set[tuple[str, int, int]] | None:
     return {(robot, int(entry), int(n)) for robot, pairs in listed.items() for entry, n in pairs or ()}
 
 
-def _measurements(robot: str, entries: Json) -> Iterator[tuple[tuple[str, int, int], Json]]:
-    for entry, content in enumerate(entries or ()):
-        for n, measurement in enumerate(content.get("measurements") or ()):
-            yield (robot, entry, n), measurement
+def _measurements(robots: dict[str, Json]) -> Iterator[tuple[tuple[str, int, int], Json]]:
+    for robot, entries in robots.items():
+        for entry, content in enumerate(entries or ()):
+            for n, measurement in enumerate(content.get("measurements") or ()):
+                yield (robot, entry, n), measurement
 
 
 def _guesses(path: Path, values: dict[str, Json], records: FileRecords) -> Iterator[Vertex]:
@@ -102,18 +122,15 @@ def _guesses(path: Path, values: dict[str, Json], records: FileRecords) -> Itera
                 records.ignored[value["type"]] += 1
                 continue
             place = f"{path}, initialization of {robot}"
-            T, _ = _pose(value, planar=value["type"] == "Pose2")
-            yield Vertex(require_key(int(value["key"]), place), place, T)
+            yield _vertex(place, value, value["key"], planar=value["type"] == "Pose2")
 
 
-def _edge(path: Path, factor: tuple[str, int, int], measurement: Json, records: FileRecords) -> Edge | None:
-    """A relative pose; None for what is none."""
-    kind = measurement["type"]
-    if kind not in ("BetweenFactorPose2", "BetweenFactorPose3"):
-        records.ignored[str(kind)[:40]] += 1
-        return None
-    place = "{}, robot {}, entry {}, measurement {}".format(path, *factor)
-    planar = kind == "BetweenFactorPose2"
+def _vertex(place: str, value: Json, key: Json, *, planar: bool) -> Vertex:
+    T, _ = _pose(value, planar=planar)
+    return Vertex(require_key(int(key), place), place, T)
+
+
+def _edge(place: str, measurement: Json, *, planar: bool) -> Edge:
     T, defect = _pose(measurement["measurement"], planar=planar)
     first, second = (require_key(int(measurement[word]), place) for word in ("key1", "key2"))
     return Edge(first, second, place, T, _information(measurement["covariance"], planar=planar), defect)

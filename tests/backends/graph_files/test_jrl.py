@@ -52,8 +52,8 @@ def test_loops_that_may_be_false_are_no_odometry(log, tmp_path):
 def test_what_is_no_relative_pose_is_counted(log, tmp_path, forms):
     _, content = log
     first = content["measurements"]["a"][0]["measurements"]
-    first += [{"type": "RangeFactorPose3"}, {"type": "PriorFactorPose3"}, {"type": "RangeFactorPose3"}]
-    assert read(content, tmp_path).ignored == {"RangeFactorPose3": 2, "PriorFactorPose3": 1}
+    first += [{"type": "RangeFactorPose3"}, {"type": "PriorFactorPoint3"}, {"type": "RangeFactorPose3"}]
+    assert read(content, tmp_path).ignored == {"RangeFactorPose3": 2, "PriorFactorPoint3": 1}
 
 
 def test_the_first_guess_is_where_a_robot_starts(log, tmp_path, forms):
@@ -64,6 +64,16 @@ def test_the_first_guess_is_where_a_robot_starts(log, tmp_path, forms):
     np.testing.assert_allclose(team.odometry["b"].positions[0], [5, 6, 7])
     assert team.ignored == {"Point3": 1}
     assert any("no pose is given for a0; a starts at the origin" in sentence for sentence in team.warnings)
+
+
+def test_a_prior_is_where_a_robot_starts_if_the_log_has_no_first_guess(log, tmp_path, forms):
+    _, content = log
+    at = forms.value(np.array([[1.0, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]]))
+    prior = {"type": "PriorFactorPose3", "key": forms.symbols(0, 0), "prior": at, "covariance": [1.0] * 36}
+    content["measurements"]["a"][0]["measurements"].append(prior)
+    team = read(content, tmp_path)
+    np.testing.assert_allclose(team.odometry["a"].positions[0], [5, 6, 7])
+    assert not team.ignored
 
 
 @pytest.mark.parametrize("unlabelled", ["potential_outlier_factors", "outlier_factors"])
@@ -107,3 +117,14 @@ def test_results_have_the_values_of_a_robot_log(tmp_path, forms):
     expected = forms.value(poses[0][2])
     np.testing.assert_allclose(third["translation"], expected["translation"])
     np.testing.assert_allclose(np.abs(np.dot(third["rotation"], expected["rotation"])), 1.0)
+
+
+def test_logs_packed_as_cbor_are_read(log, tmp_path):
+    cbor2 = pytest.importorskip("cbor2")
+    written, content = log
+    path = tmp_path / "log.jrl.cbor"
+    path.write_bytes(cbor2.dumps(content))
+    assert len(read_graphs([path]).closures) == len(written.loops)
+    path.write_bytes(cbor2.dumps(content)[:-20])
+    with pytest.raises(InputError, match="the file is cut"):
+        read_graphs([path])
