@@ -27,9 +27,9 @@ def by_own_edges(size: int, edges: EdgeTable) -> IntArray:
     1. Guesses that were made from edges, one after the other, tell odometry: these edges agree to the last digit, and
        loops do not.
     2. Else matrices do, where odometry states one and the same, and loops others.
-    3. Else robots are chains of rising numbers: the fewest that hold all poses, of those the ones with the smallest
-       leaps.  A step to the next number that the guesses contradict, and no other, is none.  Where this leaves less
-       than ten poses to a robot, numbers do not follow robots: all that is connected is one.
+    3. Else robots are chains of rising numbers: few that hold all poses, and whose leaps from number to number are
+       those that most edges make.  A step to the next number that the guesses contradict, and no other, is none.  Where
+       this leaves less than ten poses to a robot, numbers do not follow robots: all that is connected is one.
     """
     own = edges[~edges.may_be_false]
     labels = _from_guesses(size, own)
@@ -97,12 +97,14 @@ def _belies_its_neighbours(edges: EdgeTable) -> BoolArray:
 
 
 def _from_chains(size: int, edges: EdgeTable) -> IntArray:
-    """Minimum path cover, by bipartite matching."""
+    """Path cover of least cost, by bipartite matching; an end of a chain costs as much as the two rarest leaps."""
     first, second = _pairs(edges).T
     everyone = np.arange(size)
-    leap = np.concatenate([second - first, np.full(size, size + 1)]).astype(float)
+    leap = second - first
+    cost = 1.0 + np.log(len(leap) / np.bincount(leap)[leap])  # of leaps that few edges make
+    cost = np.concatenate([cost, np.full(size, 2.0 * cost.max(initial=1.0))])
     ends = np.concatenate([first, everyone]), np.concatenate([second, size + everyone])
-    left, right = min_weight_full_bipartite_matching(coo_array((leap, ends), shape=(size, 2 * size)).tocsr())
+    left, right = min_weight_full_bipartite_matching(coo_array((cost, ends), shape=(size, 2 * size)).tocsr())
     followed = right < size
     labels = _components(size, everyone[left[followed]], everyone[right[followed]])
     everything = _components(size, first, second)
