@@ -15,6 +15,7 @@ from wiclosure import se3
 from wiclosure.backends.graph_files.edge_table import EdgeTable
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
+NEARLY_ALL = 0.9  # of the consecutive pairs: where so many have an edge, these are the odometry
 CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
 
 
@@ -49,13 +50,13 @@ class OdometryTree:
 def odometry_tree(size: int, edges: EdgeTable) -> OdometryTree:
     """The odometry of a robot of `size` poses, which the edges connect.
 
-    Edges between consecutive poses are odometry if at least half of these pairs have one.  What they leave apart is
+    Edges between consecutive poses are odometry if nearly all of these pairs have one.  What they leave apart is
     joined by edges from which the guesses were made, then by those that a robust estimate over all edges agrees with
     best; loops that the file says may be false come last.
     """
     step = edges.is_step()
     steps = np.unique(np.minimum(edges.first, edges.second)[step])
-    sure = step if 2 * len(steps) >= size - 1 else np.zeros(len(edges), bool)
+    sure = step if len(steps) >= NEARLY_ALL * (size - 1) else np.zeros(len(edges), bool)
     rank = np.where(sure, 0, np.where(edges.exact, 1, 2)) + 3 * edges.may_be_false
     kinds = edges.matrix_kinds()
     rare = -np.bincount(kinds, sure)[kinds]  # what few steps state is rather a loop's

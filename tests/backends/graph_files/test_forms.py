@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import gtsam
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
+from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
 from wiclosure.backends.graph_files.team import read_graphs
+from wiclosure.backends.pose_graph import optimise
+
+EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
 FORMS = (
     "symbols", "labelled", "interleaved", "blocks", "one file a robot", "symbols, one file a robot", "toro3", "planar",
@@ -131,3 +136,38 @@ def test_a_robot_of_many_own_edges_is_held_by_those_that_agree(forms, tmp_path):
     place = np.argsort(number)[read.indices["a"]]
     found = se3.between(np.broadcast_to(trajectory.poses[0], (64, 4, 4)), trajectory.poses)[:, :3, 3]
     assert np.linalg.norm(found - (places[place] - places[place[0]]), axis=1).max() < 1.0
+
+
+def test_false_loops_in_a_recorded_lattice_are_not_taken_as_odometry(forms, data_dir, tmp_path):
+    rng, paths = np.random.default_rng(0), []
+    for path in sorted((data_dir / "pose_graphs/distributed_mapper/4robots").glob("[0-9].g2o")):
+        lines = path.read_text().splitlines()
+        keys = [line.split()[1] for line in lines if line.startswith("VERTEX")]
+        information = " ".join(lines[-1].split()[10:])
+        T = se3.exp(rng.normal(size=(15, 6)) * [1, 1, 1, 3, 3, 3])
+        false = [
+            f"EDGE_SE3:QUAT {' '.join(rng.choice(keys, 2, replace=False))} {forms.quaternion(M)} {information}"
+            for M in T
+        ]
+        paths.append(tmp_path / path.name)
+        paths[-1].write_text("\n".join([*lines, *false]))
+    team = read_graphs(paths)
+    left = sum(int(edge.place.rpartition(" ")[2]) > len(lines) for edge in team.edges)
+    assert left == 4 * 15  # a third of each robot's own edges are false, and none holds it together
+    assert not team.unusable
+
+
+def test_a_branching_robot_is_estimated_from_the_edges_as_they_are_stated(data_dir):
+    path = data_dir / "pose_graphs/distributed_mapper/4robots/fullGraph.g2o"
+    team = read_graphs([path])
+    (trajectory,) = team.odometry.values()
+    assert trajectory.parents is not None
+    result = optimise(team.odometry, team.closures, PoseGraphSettings(robust="none", noise=EXACT))
+    graph, values = gtsam.readG2o(str(path), is3D=True)
+    graph.add(gtsam.PriorFactorPose3(0, values.atPose3(0), gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)))
+    best = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    between = [f for f in map(result.graph.at, range(result.graph.size())) if isinstance(f, gtsam.BetweenFactorPose3)]
+    assert len(between) == 144
+    assert sum(f.error(result.values) for f in between) == pytest.approx(graph.error(best), rel=1e-4)
+    expected = np.stack([best.atPose3(int(key)).matrix() for key in team.keys[trajectory.robot]])
+    np.testing.assert_allclose(result.trajectories[trajectory.robot].poses, expected, atol=2e-3)
