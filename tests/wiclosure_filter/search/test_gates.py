@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ncx2
 
-from wiclosure.wiclosure_filter.config import GateSettings
 from wiclosure.wiclosure_filter.search.ball_probability import principal_axes, probability_within
 from wiclosure.wiclosure_filter.search.gates import (
     MahalanobisGate,
@@ -72,19 +71,19 @@ def test_principal_axes_rebuild_the_covariance(seed: int) -> None:
 def test_certain_pairs() -> None:
     """Ten metres apart for certain: scans overlap, but it is not the same place (the paper's gate drops it)."""
     displacement, covariance = np.array([[10.0, 0.0], [50.0, 0.0]]), np.full((2, 1, 1), 0.01) * np.eye(2)
-    overlap = OverlapProbabilityGate(GateSettings()).score(displacement, covariance)
-    same_place = MahalanobisGate(GateSettings()).score(displacement, covariance)
+    overlap = OverlapProbabilityGate(35.0, 0.05).score(displacement, covariance)
+    same_place = MahalanobisGate(3.0, 35.0).score(displacement, covariance)
     assert overlap.keep.tolist() == [True, False]
     np.testing.assert_allclose(overlap.overlap_probability, [1.0], atol=1e-5)
     np.testing.assert_allclose(overlap.mahalanobis, [100.0])
     assert same_place.keep.tolist() == [False, False]
 
 
-def test_unknown_places_do_not_pass_by_ignorance() -> None:
+def test_unknown_places_are_not_kept_by_ignorance() -> None:
     """Were every pair within its deviation kept, ignorance would keep everything; the paper's gate does so."""
     displacement, covariance = np.array([[300.0, 0.0]]), 1000.0**2 * np.eye(2)[None]
-    assert not OverlapProbabilityGate(GateSettings()).score(displacement, covariance).keep[0]
-    assert MahalanobisGate(GateSettings()).score(displacement, covariance).keep[0]
+    assert not OverlapProbabilityGate(35.0, 0.05).score(displacement, covariance).keep[0]
+    assert MahalanobisGate(3.0, 35.0).score(displacement, covariance).keep[0]
 
 
 def test_mahalanobis_is_the_papers_equation() -> None:
@@ -94,6 +93,6 @@ def test_mahalanobis_is_the_papers_equation() -> None:
 
 
 def test_no_pairs_at_all() -> None:
-    for gate in (OverlapProbabilityGate(GateSettings()), MahalanobisGate(GateSettings())):
+    for gate in (OverlapProbabilityGate(35.0, 0.05), MahalanobisGate(3.0, 35.0)):
         scores = gate.score(np.zeros((0, 2)), np.zeros((0, 2, 2)))
         assert scores.keep.shape == scores.overlap_probability.shape == scores.mahalanobis.shape == (0,)

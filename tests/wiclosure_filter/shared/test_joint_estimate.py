@@ -18,10 +18,10 @@ from wiclosure.types import (
     WirelessLog,
     WirelessMeasurement,
 )
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
-from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
-from wiclosure.wiclosure_filter.shared.graph_nodes import MOST_NODES, GraphNodes, without_bias
-from wiclosure.wiclosure_filter.shared.shared_trajectory import share_trajectories
+from wiclosure.wiclosure_filter.config import AlignmentSettings, FilterSettings, SharedTrajectorySettings
+from wiclosure.wiclosure_filter.filter import WiClosureFilter
+from wiclosure.wiclosure_filter.shared.graph_nodes import MOST_NODES, GraphNodes, NodeSpacing, without_bias
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedTrajectory
 
 TRUE_FRAMES = {
     "alpha": se3.from_yaw(0.0, np.zeros(3)),
@@ -106,6 +106,16 @@ def true_alignment(a: str, b: str, wireless: WirelessLog, error: np.ndarray | No
     return FrameAlignment(a, b, AlignmentHypothesis(T_a_b, 0.0, kept), np.eye(6) * 1e-3, False, "made for a test")
 
 
+def shared_by(
+    odometry: dict[str, Trajectory],
+    wireless: WirelessLog,
+    alignments: list[FrameAlignment],
+    settings: FilterSettings | None = None,
+) -> SharedTrajectory:
+    chosen = WiClosureFilter(settings)
+    return chosen.share(odometry, chosen.gather(odometry, wireless).by_pair, alignments)
+
+
 def off_by_a_bit() -> np.ndarray:
     return se3.from_yaw(0.15, np.array([3.0, -2.0, 0.0]))
 
@@ -119,7 +129,7 @@ def test_perfect_input_gives_the_truth(method: str, receiver: str, arms: tuple) 
     # The rotation of the paper's links is the alignment's: give it the true one there.
     start = off_by_a_bit() if method == "joint" else None
     settings = FilterSettings(shared_trajectory=SharedTrajectorySettings(method=method))
-    shared = share_trajectories(odometry, wireless, [true_alignment("alpha", "beta", wireless, start)], settings)
+    shared = shared_by(odometry, wireless, [true_alignment("alpha", "beta", wireless, start)], settings)
     p, k = (grid.ravel() for grid in np.indices((150, 150)))
     T_a_b, covariance = shared.estimates["alpha", "beta"].relative_poses("alpha", p, "beta", k)
     expected = se3.between(truth["alpha"].poses[p], truth["beta"].poses[k])
@@ -146,7 +156,7 @@ def test_tilted_frames_are_found_where_elevations_are_measured() -> None:
     kept = tuple((i, 0) for i in range(len(wireless.measurements)))
     guess = frames["beta"] @ off_by_a_bit() @ se3.inverse(tilt) @ se3.exp(np.array([0.15, -0.1, 0, 0, 0, 0]))
     alignment = FrameAlignment("alpha", "beta", AlignmentHypothesis(guess, 0.0, kept), np.eye(6), False, "")
-    shared = share_trajectories(odometry, wireless, [alignment], settings)
+    shared = shared_by(odometry, wireless, [alignment], settings)
     p, k = (grid.ravel() for grid in np.indices((150, 150)))
     (model,) = shared.estimates["alpha", "beta"].models("alpha", "beta")
     assert model.displacement(p, k).shape == (22500, 3)
@@ -159,7 +169,7 @@ def test_each_pair_has_one_shortest_route() -> None:
     truth, odometry = team(2, ["alpha", "beta"])
     wireless = listen(truth, "alpha", "beta", every=25)
     settings = FilterSettings(shared_trajectory=SharedTrajectorySettings(method="shortest"))
-    shared = share_trajectories(odometry, wireless, [true_alignment("alpha", "beta", wireless)], settings)
+    shared = shared_by(odometry, wireless, [true_alignment("alpha", "beta", wireless)], settings)
     p, k = (grid.ravel() for grid in np.indices((150, 150)))
     models = shared.estimates["alpha", "beta"].models("alpha", "beta")
     answers = np.array([model.applies(p, k) for model in models])
@@ -172,7 +182,7 @@ def test_robots_are_joined_through_a_third_and_strangers_stay_apart() -> None:
     odometry["delta"] = Trajectory("delta", odometry["alpha"].stamps_ns, winding_road(99), DRIFT)
     wireless = listen(truth, "alpha", "beta") + listen(truth, "beta", "gamma")
     alignments = [true_alignment(a, b, wireless, off_by_a_bit()) for a, b in (("alpha", "beta"), ("beta", "gamma"))]
-    shared = share_trajectories(odometry, wireless, alignments, FilterSettings())
+    shared = shared_by(odometry, wireless, alignments, FilterSettings())
     assert set(shared.estimates) == {("alpha", "beta"), ("alpha", "gamma"), ("beta", "gamma")}
     every = np.arange(150)
     T, C = shared.estimates["alpha", "gamma"].relative_poses("alpha", every, "gamma", every)
@@ -190,7 +200,7 @@ def test_an_alignment_that_contradicts_the_others_is_left_out() -> None:
         listen(truth, "alpha", "beta") + listen(truth, "beta", "gamma") + listen(moved, "alpha", "gamma", every=30)
     )
     alignments = [true_alignment(a, b, wireless) for a, b in (("alpha", "beta"), ("alpha", "gamma"), ("beta", "gamma"))]
-    shared = share_trajectories(odometry, wireless, alignments, FilterSettings())
+    shared = shared_by(odometry, wireless, alignments, FilterSettings())
     assert any(s.startswith("alpha and gamma: their links contradict") for s in shared.diagnosis)
     every = np.arange(150)
     T, _ = shared.estimates["alpha", "gamma"].relative_poses("alpha", every, "gamma", every)
@@ -202,7 +212,7 @@ def test_ambiguous_alignments_join_nobody() -> None:
     wireless = listen(truth, "alpha", "beta")
     certain = true_alignment("alpha", "beta", wireless)
     ambiguous = FrameAlignment("alpha", "beta", certain.best, certain.covariance, True, "two answers")
-    assert share_trajectories(odometry, wireless, [ambiguous], FilterSettings()).estimates == {}
+    assert shared_by(odometry, wireless, [ambiguous], FilterSettings()).estimates == {}
 
 
 def calibration(factor: float, settings: FilterSettings) -> tuple[float, float]:
@@ -214,7 +224,7 @@ def calibration(factor: float, settings: FilterSettings) -> tuple[float, float]:
         odometry = {name: replace(drifted(t, rng, DRIFT.scaled(factor)), drift=DRIFT) for name, t in perfect.items()}
         wireless = listen(truth, "alpha", "beta", rng, elevation=False)
         alignment = true_alignment("alpha", "beta", wireless, off_by_a_bit())
-        shared = share_trajectories(odometry, wireless, [alignment], settings)
+        shared = shared_by(odometry, wireless, [alignment], settings)
         p, k = rng.integers(0, 150, (2, 400))
         relative, C6 = shared.estimates["alpha", "beta"].relative_poses("alpha", p, "beta", k)
         true_relative = se3.between(truth["alpha"].poses[p], truth["beta"].poses[k])
@@ -253,7 +263,7 @@ def test_false_ranges_do_not_spoil_the_estimate() -> None:
     )
     wireless = WirelessLog(spoiled)
     alignment = true_alignment("alpha", "beta", wireless, off_by_a_bit())
-    shared = share_trajectories(odometry, wireless, [alignment], FilterSettings())
+    shared = shared_by(odometry, wireless, [alignment], FilterSettings())
     every = np.arange(150)
     T, _ = shared.estimates["alpha", "beta"].relative_poses("alpha", every, "beta", every)
     error = T[:, :3, 3] - se3.between(truth["alpha"].poses, truth["beta"].poses)[:, :3, 3]
@@ -283,7 +293,7 @@ def test_headings_narrow_the_yaw() -> None:
             False,
             "",
         )
-        shared = share_trajectories(odometry, wireless, [kept], FilterSettings())
+        shared = shared_by(odometry, wireless, [kept], FilterSettings())
         _, C = shared.estimates["alpha", "beta"].relative_poses("alpha", np.array([75]), "beta", np.array([75]))
         yaw_sigma.append(np.sqrt(C[0, 2, 2]))
     assert yaw_sigma[1] < yaw_sigma[0]
@@ -293,7 +303,7 @@ def test_headings_narrow_the_yaw() -> None:
 def test_nodes_cover_the_trajectory(size: int) -> None:
     trajectory = Trajectory("alpha", np.arange(size, dtype=np.int64), winding_road(8, size, 20.0), DRIFT)
     links = np.unique(np.linspace(0, size - 1, 7).astype(int))
-    nodes = GraphNodes.along(trajectory, links, trajectory.positions[links] + 0.1, SharedTrajectorySettings())
+    nodes = GraphNodes.along(trajectory, links, trajectory.positions[links] + 0.1, NodeSpacing(60.0, 0.7))
     assert (np.diff(nodes.keyframe) >= 0).all()
     assert nodes.keyframe[0] == 0
     assert nodes.keyframe[-1] == size - 1
@@ -307,7 +317,7 @@ def test_nodes_cover_the_trajectory(size: int) -> None:
 
 def test_steps_between_nodes_follow_the_drift_model() -> None:
     trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64), winding_road(9, 300), DRIFT)
-    nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), SharedTrajectorySettings())
+    nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), NodeSpacing(60.0, 0.7))
     _, covariance = nodes.steps()
     i, j = nodes.keyframe[:-1], nodes.keyframe[1:]
     expected = AccumulatedDrift.along(trajectory.poses, DRIFT).covariance(trajectory.poses, i, j)
