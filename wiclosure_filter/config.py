@@ -143,7 +143,7 @@ class SharedTrajectorySettings(Settings):
 
 
 class GateSettings(Settings):
-    """Which pairs are near enough to be worth comparing."""
+    """Which pairs are near enough to be compared."""
 
     method: Literal["overlap_probability", "mahalanobis"] = Field(
         default="overlap_probability",
@@ -204,16 +204,16 @@ class FilterSettings(Settings):
     gate: GateSettings = GateSettings()
     on_ambiguous: Literal["pass", "reject", "raise"] = Field(
         default="pass",
-        description="where the radio cannot tell how two robots' frames lie: pass what the few alignments that are left"
-        " allow (every pair, if they are many), reject every pair, or stop with an error",
+        description="where the radio cannot tell how two robots' frames lie: keep the pairs that the few likely"
+        " alignments allow, or every pair if they are many (pass); keep none (reject); or stop with an error (raise)",
     )
     closure_odds: float | None = Field(
         default=100.0,
         gt=1,
-        description="in a run, closures of robots whose poses the radio cannot predict for certain are refused after"
-        " their registration where it gives so long odds against the alignment that they imply; null: none are (the"
-        " paper). Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 %"
-        " of the true ones or more stay below",
+        description="radio consistency check: registered closures of robots whose poses the radio does not predict are"
+        " rejected where the links give these odds against the alignment that they imply; null: none are (the paper)."
+        " Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 % of the"
+        " true ones or more stay below",
     )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()

@@ -1,4 +1,4 @@
-"""Wi-Closure: which keyframes of different robots may see the same place, by what the radio heard."""
+"""Wi-Closure: which keyframes of different robots may see the same place, by their radio measurements."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class WiClosureFilter:
             else self._unjoined(pair, trajectories, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
         )
-        # 6. What can measured closures be held against that the radio cannot predict?
+        # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
         predicting = {(used.robot_a, used.robot_b) for used in shared.links}
         unused = [alignment for pair, alignment in alignments.items() if pair not in predicting]
         checks = self._checks(unused, trajectories, links)
@@ -207,7 +207,7 @@ class WiClosureFilter:
         return tuple(sentences)
 
     def _outcome(self, kept: CandidatePairs) -> str:
-        """What became of the pairs of robots that nothing joins for certain."""
+        """Which pairs of two robots are kept that nothing joins for certain."""
         if self.settings.on_ambiguous == "reject":
             return "every pair is rejected"
         if isinstance(kept.predictor, AlternativeEstimates):

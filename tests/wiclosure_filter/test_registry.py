@@ -9,7 +9,7 @@ from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement, robot_pairs
 from wiclosure.wiclosure_filter.baselines import OracleFilter, RandomFilter, RangeGateFilter
-from wiclosure.wiclosure_filter.config import FilterSettings, OracleSettings, RandomSettings, RangeGateSettings
+from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.registry import FILTERS, make_filter
 
 
@@ -97,17 +97,14 @@ def test_more_pairs_than_memory_is_one_sentence() -> None:
 
 
 def test_random_keeps_the_share_and_follows_the_seed(odometry: dict[str, Trajectory]) -> None:
-    kept = [
-        RandomFilter(RandomSettings(keep_rate=0.1, seed=seed)).candidates(odometry, WirelessLog()).pairs[0]
-        for seed in (1, 1, 2)
-    ]
+    kept = [RandomFilter(keep_rate=0.1, seed=seed).candidates(odometry, WirelessLog()).pairs[0] for seed in (1, 1, 2)]
     assert [len(k) for k in kept] == [300] * 3
     np.testing.assert_array_equal(kept[0].index_b, kept[1].index_b)
     assert not np.array_equal(kept[0].index_b, kept[2].index_b)
 
 
 def test_oracle_keeps_exactly_the_near_pairs(world: dict[str, Trajectory], odometry: dict[str, Trajectory]) -> None:
-    result = OracleFilter(world, OracleSettings(radius_m=20.0)).candidates(odometry, WirelessLog())
+    result = OracleFilter(world, radius_m=20.0).candidates(odometry, WirelessLog())
     for pairs in result.pairs:
         a, b = world[pairs.robot_a].positions, world[pairs.robot_b].positions
         near = np.linalg.norm(a[:, None] - b, axis=2) <= 20.0
@@ -115,7 +112,7 @@ def test_oracle_keeps_exactly_the_near_pairs(world: dict[str, Trajectory], odome
 
 
 def test_oracle_predicts_the_true_poses(world: dict[str, Trajectory], odometry: dict[str, Trajectory]) -> None:
-    pairs = OracleFilter(world, OracleSettings(radius_m=20.0)).candidates(odometry, WirelessLog()).pairs[0]
+    pairs = OracleFilter(world, radius_m=20.0).candidates(odometry, WirelessLog()).pairs[0]
     prediction = pairs.predicted(np.arange(len(pairs)))
     assert prediction is not None
     expected = se3.between(world["alpha"].poses[pairs.index_a], world["beta"].poses[pairs.index_b])
@@ -127,7 +124,7 @@ def test_oracle_predicts_nothing_by_truth_in_other_axes(
 ) -> None:
     sideways = se3.from_yaw(np.array([np.pi / 2]), np.zeros((1, 3)))[0]
     turned = world | {"beta": Trajectory("beta", world["beta"].stamps_ns, world["beta"].poses @ sideways)}
-    result = OracleFilter(turned, OracleSettings()).candidates(odometry, WirelessLog())
+    result = OracleFilter(turned, radius_m=35.0).candidates(odometry, WirelessLog())
     assert [pairs.predictor is None for pairs in result.pairs] == [True, False, True]
     assert len(result.diagnosis) == 1
     assert "beta" in result.diagnosis[0]
@@ -143,8 +140,7 @@ def test_oracle_needs_ground_truth(world: dict[str, Trajectory], odometry: dict[
 def test_range_gate_keeps_pairs_around_short_ranges(
     world: dict[str, Trajectory], odometry: dict[str, Trajectory]
 ) -> None:
-    settings = RangeGateSettings(max_range_m=10.0, window_m=6.0)
-    pairs = RangeGateFilter(settings).candidates(odometry, ranges(world)).pairs
+    pairs = RangeGateFilter(max_range_m=10.0, window_m=6.0).candidates(odometry, ranges(world)).pairs
     assert 0 < len(pairs[0]) < 3000
     # The robots meet at x = 49 m, second 24.5: nothing far from there may be proposed.
     assert abs(pairs[0].index_a - 24.5).max() < 10

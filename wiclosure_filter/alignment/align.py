@@ -1,4 +1,4 @@
-"""From what two robots heard of each other to how their odometry frames lie, or the honest answer "I cannot tell"."""
+"""How the odometry frames of two robots lie, from their links; or a sentence on why the links do not tell."""
 
 from __future__ import annotations
 

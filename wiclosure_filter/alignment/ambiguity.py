@@ -1,7 +1,7 @@
 """Is an alignment certain enough to prune by?  If not, why not, in one sentence.
 
 An alignment is called certain if it is observable (small covariance), if more was measured than it needs, if the odds
-against every different alignment are long, and if so good an agreement would hardly come about by chance.
+against every different alignment are high, and if so good an agreement would hardly come about by chance.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def _proposed(problem: AlignmentProblem, rows: IntArray, limit: int) -> FloatArr
 
 
 def _promising(states: FloatArray, mixture: Mixture, prior: Prior) -> FloatArray:
-    """The proposals worth refining: scored on some measurements first, the best of them on all."""
+    """The most likely proposals: scored on some measurements first, the best of them on all."""
     count = len(mixture.observations)
     climbers = max(8, min(_CLIMBERS, _CLIMBER_ROWS // count))
     if count > 2 * _QUICK_LOOK and len(states) > 10 * climbers:

@@ -139,7 +139,8 @@ class Explanation:
     Args:
         log_likelihood: `(N, M)`.
         path: `(N, M, K)` probability that each path is the direct one; the rest to 1 is "none of them".
-        in_sight, obstructed: `(N, M)` probability of the range's two honest explanations; the rest is a gross error.
+        in_sight, obstructed: `(N, M)` probability that the range is direct, or went through an obstacle; the rest is a
+            gross error.
     """
 
     log_likelihood: FloatArray

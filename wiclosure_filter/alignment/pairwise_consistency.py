@@ -1,4 +1,4 @@
-"""Pairwise consistency of links: the paper's way of rejecting multipath (section IV-A).
+"""Pairwise consistency of links: how the paper rejects multipath (section IV-A).
 
 Every path with a range and a known relative heading is a full transform between the robots.  Two of them are consistent
 if the loop through both and the odometry of both robots closes,
@@ -84,7 +84,7 @@ def pairwise_consistency(
 
 
 def full_links(problem: AlignmentProblem, max_links: int, height_ratio: float) -> FullLinks:
-    """Every path, or pair of reciprocal paths, that fixes the transform between the robots; the most certain ones.
+    """Every path, or pair of reciprocal paths, that fixes the transform between the robots; the heaviest ones.
 
     Arguments as of `pairwise_consistency`.
     """

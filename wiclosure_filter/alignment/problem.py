@@ -65,7 +65,7 @@ class AlignmentProblem:
         radio: what is assumed of the radio.
         prior: on yaw and height.
         heading_knowledge: `heading`, `reciprocal`, `one-way` or `range-only`: what tells the relative yaw.
-        partner: `(M,)` the measurement the other way at about the same time, or -1.
+        partner: `(M,)` the measurement in the opposite direction at about the same time, or -1.
     """
 
     observations: Observations
@@ -107,7 +107,7 @@ def heading_knowledge(links: Links, partner: IntArray) -> str:
 
 
 def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
-    """`(M,)` for each bearing, the bearing the other way nearest in time; -1 where there is none within tolerance."""
+    """`(M,)` for each bearing, the opposite bearing nearest in time; -1 where there is none within tolerance."""
     partner = np.full(len(links), -1)
     here, there = (np.flatnonzero(links.has_bearing & (links.a_receives == direction)) for direction in (True, False))
     if len(here) == 0 or len(there) == 0:

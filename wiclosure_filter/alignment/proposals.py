@@ -62,12 +62,12 @@ def from_known_yaw(points: Correspondences, yaw: float, yaw_sigma: float) -> Flo
 
 
 def from_reciprocal(points: Correspondences, observations: Observations, partner: IntArray, limit: int) -> FloatArray:
-    """States from two bearings, one each way, at about the same time: yaw = azimuth_ab + pi - azimuth_ba.
+    """States from two opposite bearings at about the same time: yaw = azimuth_ab + pi - azimuth_ba.
 
     Args:
         points: all correspondences.
         observations: the measurements.
-        partner: `(M,)` the measurement the other way, or -1.
+        partner: `(M,)` the opposite measurement, or -1.
         limit: how many states at most.
     """
     azimuth = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])

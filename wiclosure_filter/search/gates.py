@@ -1,4 +1,4 @@
-"""Gates: is a pair near enough to be worth comparing?
+"""Gates: is a pair near enough to be compared?
 
 Each gate also answers for whole groups of pairs, from a lower bound of their distance and bounds of their covariance:
 `may_keep` is never false where the gate would keep one of the pairs.  That is all that the overlap search has to know.
@@ -22,7 +22,7 @@ ROUNDING = 1.0 + 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateScores:
-    """What a gate says of M pairs: kept or not `(M,)`, and of the K kept ones both scores `(K,)`."""
+    """Decision of a gate on M pairs: kept or not `(M,)`, and of the K kept ones both scores `(K,)`."""
 
     keep: BoolArray
     overlap_probability: FloatArray

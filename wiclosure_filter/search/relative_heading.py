@@ -1,4 +1,4 @@
-"""What is left where compasses tell how two robots are turned to each other, but the radio not where they are.
+"""Relative heading alone: compasses tell how two robots are turned to each other, but not the radio where they are.
 
 No pair can be pruned by that.  But places that look alike from opposite sides, as in a symmetric hall, are told apart.
 """

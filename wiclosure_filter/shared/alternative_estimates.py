@@ -1,4 +1,4 @@
-"""What is left where a few alignments are likely: pairs that are possible under any of them.
+"""Alternative estimates where a few alignments are likely: pairs that are possible under any of them.
 
 The paper's filter has one alignment or none.  A handful of measurements often leaves two or three, metres apart, of
 which one is right; each of them rules out most pairs, and what all of them rule out cannot overlap.

@@ -168,8 +168,8 @@ def estimate(
         add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
     as_modelled = odometry_factors(nodes, first)
     values, covariance = _solved(as_modelled, others, initial, linked)
-    # The links tell how good the odometry is; then once more with what they told.  Where it is far worse than thought,
-    # the kernel kept down the links that say so, and they have more to tell.
+    # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
+    # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
     scale = 1.0
     for _ in range(MOST_RESCALINGS):
         before = scale
