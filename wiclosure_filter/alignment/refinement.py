@@ -92,7 +92,7 @@ class Peaks:
     @classmethod
     def at(cls, states: FloatArray, mixture: Mixture, prior: Prior) -> Peaks:
         """States as they are, with the posterior and its curvature there."""
-        value, information, _ = _normal_equations(states, mixture, prior)
+        value, information, _ = normal_equations(states, mixture, prior)
         return cls(states, value, information)
 
     def subset(self, rows: IntArray) -> Peaks:
@@ -120,7 +120,7 @@ def _steps(states: FloatArray, mixture: Mixture, prior: Prior, count: int) -> Pe
     best, best_value = states, np.full(len(states), -np.inf)
     best_information = np.zeros((len(states), 4, 4))
     for left in range(count, -1, -1):
-        value, information, gradient = _normal_equations(states, mixture, prior)
+        value, information, gradient = normal_equations(states, mixture, prior)
         better = value > best_value
         best = np.where(better[:, None], states, best)
         best_value = np.where(better, value, best_value)
@@ -142,7 +142,7 @@ def _solved(information: FloatArray, gradient: FloatArray) -> FloatArray:
     return np.asarray(step / np.maximum(shrink, 1.0)[:, None])
 
 
-def _normal_equations(states: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray]:
+def normal_equations(states: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log-posterior `(N,)`, Gauss-Newton information `(N, 4, 4)` and gradient `(N, 4)` at N states."""
     observations = mixture.observations
     turned, w = displacements_in_a(states, observations)
