@@ -97,7 +97,7 @@ def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observatio
 
 
 @dataclass(frozen=True, eq=False)
-class _BandedSystem:
+class BandedSystem:
     """Symmetric normal equations of M blocks of 4, each coupled with the next.
 
     Args:
@@ -133,7 +133,7 @@ class _BandedSystem:
         return bands
 
 
-def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odometry: PairOdometry) -> _BandedSystem:
+def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odometry: PairOdometry) -> BandedSystem:
     """Linearises measurements, prior and odometry at the current chain."""
     observations = mixture.observations
     diagonal, gradient = _measured(yaw, w, mixture, prior)
@@ -144,7 +144,7 @@ def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odom
     diagonal[1:] += information
     gradient[:-1] -= np.einsum("mij,mj->mi", coupling, error)
     gradient[1:] -= np.einsum("mij,mj->mi", information, error)
-    return _BandedSystem(diagonal, coupling, gradient)
+    return BandedSystem(diagonal, coupling, gradient)
 
 
 def _measured(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:

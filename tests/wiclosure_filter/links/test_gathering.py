@@ -132,3 +132,39 @@ def test_headings_are_averaged_without_getting_surer() -> None:
     assert links.yaw_sigma[0] == pytest.approx(0.05 * np.sqrt(2))
     far = links_of(odometry, WirelessLog((heard(15),), headings[:3]))
     assert np.isnan(far.yaw[0])
+
+
+def test_a_team_is_gathered_once_for_each_two_robots() -> None:
+    _, _, odometry = robots(0)
+    team = odometry | {"c": Trajectory("c", STAMPS, odometry["a"].poses)}
+    log = WirelessLog((heard(1), heard(2, receiver="c", transmitter="b"), heard(3, receiver="zeta")))
+    links = TeamLinks.of(team, log, GatheringLimits.of(SETTINGS)).by_pair
+    assert list(links) == [("a", "b"), ("a", "c"), ("b", "c")]
+    assert [between.measurement.tolist() for between in links.values()] == [[0], [], [1]]
+    assert [between.heard for between in links.values()] == [True, False, True]
+    assert links["b", "c"].a_receives.tolist() == [False]
+
+
+def test_measurements_that_cannot_be_used_were_heard_all_the_same() -> None:
+    _, _, odometry = robots(0)
+    links = links_of(odometry, WirelessLog((heard(-100),)))
+    assert links.heard
+    assert len(links) == 0
+
+
+def test_compasses_are_left_aside_where_asked() -> None:
+    _, _, odometry = robots(0)
+    headings = tuple(Heading(int(STAMPS[k]), name, 0.3, 0.05) for name in ("a", "b") for k in range(30))
+    log = WirelessLog((heard(3),), headings)
+    for heading, known in (("auto", True), ("heading", True), ("one-way", False)):
+        limits = GatheringLimits.of(AlignmentSettings(heading=heading))
+        assert np.isfinite(TeamLinks.of(odometry, log, limits).by_pair["a", "b"].yaw[0]) == known
+
+
+def test_links_tell_where_each_robot_was() -> None:
+    _, _, odometry = robots(0)
+    links = links_of(odometry, WirelessLog((heard(3), heard(7))))
+    for robot, index, antenna in (("a", links.index_a, links.antenna_a), ("b", links.index_b, links.antenna_b)):
+        np.testing.assert_array_equal(links.at(robot)[0], index)
+        np.testing.assert_array_equal(links.at(robot)[1], antenna)
+        np.testing.assert_allclose(antenna, odometry[robot].positions[[3, 7]], atol=1e-9)
