@@ -111,11 +111,7 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
         if step == 0:
             kept.append(_gated(model, gate, segment_a, segment_b, bounds[1][near], bounds[2][near]))
             found += len(kept[-1].index_a)
-            if found > MOST_PAIRS:
-                raise InputError(
-                    f"more than {MOST_PAIRS} pairs of keyframes may overlap, too many to list; raise"
-                    " gate.min_probability, lower gate.sensor_range_m or use fewer keyframes"
-                )
+            _refuse_too_many(found)
             continue
         # A trajectory that is not as high waits for the other.
         if step <= a.height:
@@ -126,6 +122,14 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
             (step - 1, segment_a[i : i + CHUNK], segment_b[i : i + CHUNK]) for i in range(0, len(segment_a), CHUNK)
         ]
     return KeptPairs.joined(kept)
+
+
+def _refuse_too_many(found: int) -> None:
+    if found > MOST_PAIRS:
+        raise InputError(
+            f"more than {MOST_PAIRS} pairs of keyframes may overlap, too many to list; raise gate.min_probability,"
+            " lower gate.sensor_range_m or use fewer keyframes"
+        )
 
 
 def _bounds(

@@ -25,7 +25,7 @@ from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
-from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_factors, odometry_factors
+from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_factors, step_factors
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # The drift is scaled again where it grew by this factor, at most so often.
@@ -166,7 +166,7 @@ def estimate(
     for (a, b), kept in team.links.items():
         at_a, at_b = team.ends[a, b]
         add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
-    as_modelled = odometry_factors(nodes, first)
+    as_modelled = step_factors(nodes, first)
     values, covariance = _solved(as_modelled, others, initial, linked)
     # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
     # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
@@ -175,7 +175,7 @@ def estimate(
         before = scale
         scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=drift_weight)
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
-        values, covariance = _solved(odometry_factors(scaled, first), others, values, linked)
+        values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])

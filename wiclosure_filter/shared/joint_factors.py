@@ -23,7 +23,7 @@ def add_first_guess(initial: gtsam.Values, first: int, nodes: GraphNodes, T_worl
         initial.insert(first + number, gtsam.Pose3(T_world_node))
 
 
-def odometry_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) -> gtsam.NonlinearFactorGraph:
+def step_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) -> gtsam.NonlinearFactorGraph:
     """Between neighbouring nodes of each robot; `first` is the key of its first node."""
     graph = gtsam.NonlinearFactorGraph()
     for robot, own in nodes.items():

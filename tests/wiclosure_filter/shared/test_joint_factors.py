@@ -17,7 +17,7 @@ from wiclosure.wiclosure_filter.shared.joint_factors import (
     add_first_guess,
     add_links,
     frame_factors,
-    odometry_factors,
+    step_factors,
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
@@ -74,7 +74,7 @@ def test_odometry_ties_neighbouring_nodes() -> None:
     road = se3.from_yaw(yaw, np.cumsum(np.stack([np.cos(yaw), np.sin(yaw), 0 * yaw], axis=1), axis=0))
     trajectory = Trajectory("a", np.arange(150), road, DriftModel())
     nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), NodeSpacing(30.0, 0.7))
-    graph = odometry_factors({"a": nodes}, {"a": 0})
+    graph = step_factors({"a": nodes}, {"a": 0})
     assert graph.size() == len(nodes) - 1
     values = gtsam.Values()
     add_first_guess(values, 0, nodes, T_A_B)
