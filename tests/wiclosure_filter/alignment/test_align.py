@@ -414,7 +414,7 @@ def test_heading_can_be_overridden() -> None:
 
 
 # -------------------------------------------------------------------------------------------------------- strange input
-angles = st.floats(-7, 7)
+angles = st.floats(-2 * np.pi, 2 * np.pi)
 strange_paths = st.lists(
     st.builds(
         AoaPath,
