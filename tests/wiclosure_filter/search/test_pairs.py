@@ -25,7 +25,7 @@ def test_codes_are_taken_apart_again() -> None:
 
 def test_pairs_between_different_robots_are_counted() -> None:
     sizes = {"a": 2, "b": 3, "c": 5}
-    team = {n: Trajectory(n, np.arange(size), np.tile(np.eye(4), (size, 1, 1))) for n, size in sizes.items()}
+    team = {n: Trajectory(n, np.arange(size) * 10**9, np.tile(np.eye(4), (size, 1, 1))) for n, size in sizes.items()}
     assert count_pairs(team) == 2 * 3 + 2 * 5 + 3 * 5
     assert count_pairs({}) == 0
 

@@ -44,7 +44,7 @@ def straight(size: int = 121, drift: DriftModel = DRIFT) -> Trajectory:
 
 @pytest.mark.parametrize("size", [1, 2, 500])
 def test_nodes_cover_the_trajectory(size: int) -> None:
-    trajectory = Trajectory("alpha", np.arange(size, dtype=np.int64), winding_road(8, size, 20.0), DRIFT)
+    trajectory = Trajectory("alpha", np.arange(size, dtype=np.int64) * 10**9, winding_road(8, size, 20.0), DRIFT)
     links = np.unique(np.linspace(0, size - 1, 7).astype(int))
     nodes = GraphNodes.along(trajectory, links, trajectory.positions[links] + 0.1, NodeSpacing(60.0, 0.7))
     assert (np.diff(nodes.keyframe) >= 0).all()
@@ -59,7 +59,7 @@ def test_nodes_cover_the_trajectory(size: int) -> None:
 
 
 def test_steps_between_nodes_follow_the_drift_model() -> None:
-    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64), winding_road(9, 300), DRIFT)
+    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64) * 10**9, winding_road(9, 300), DRIFT)
     nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), NodeSpacing(60.0, 0.7))
     _, covariance = nodes.steps()
     i, j = nodes.keyframe[:-1], nodes.keyframe[1:]
@@ -77,7 +77,7 @@ def test_walk_that_replaces_a_bias_is_nowhere_smaller() -> None:
         translation_bias=0.005,
         rotation_bias=5e-5,
     )
-    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64), winding_road(10, 300), biased)
+    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64) * 10**9, winding_road(10, 300), biased)
     walk = without_bias(biased, float(trajectory.distance[-1]))
     assert walk.translation_bias == walk.rotation_bias == 0
     zero, j = np.zeros(299, np.int64), np.arange(1, 300)
@@ -94,7 +94,7 @@ def test_a_straight_road_has_a_node_every_so_many_metres() -> None:
 
 def test_turns_have_nodes_too() -> None:
     turn = np.concatenate([np.zeros(60), np.linspace(0, 2.0, 61)])
-    trajectory = Trajectory("alpha", np.arange(121), se3.from_yaw(turn, straight().positions), DRIFT)
+    trajectory = Trajectory("alpha", np.arange(121) * 10**9, se3.from_yaw(turn, straight().positions), DRIFT)
     np.testing.assert_allclose(turned_so_far(trajectory), turn, atol=1e-7)
     nodes = GraphNodes.along(trajectory, *NO_LINKS, NodeSpacing(1e6, 0.7))
     assert (np.diff(turn[nodes.keyframe]) <= 0.75).all()

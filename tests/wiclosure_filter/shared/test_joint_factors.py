@@ -72,7 +72,7 @@ def test_compasses_hold_the_yaw_alone() -> None:
 def test_odometry_ties_neighbouring_nodes() -> None:
     yaw = np.linspace(0, 2, 150)
     road = se3.from_yaw(yaw, np.cumsum(np.stack([np.cos(yaw), np.sin(yaw), 0 * yaw], axis=1), axis=0))
-    trajectory = Trajectory("a", np.arange(150), road, DriftModel())
+    trajectory = Trajectory("a", np.arange(150) * 10**9, road, DriftModel())
     nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), NodeSpacing(30.0, 0.7))
     graph = step_factors({"a": nodes}, {"a": 0})
     assert graph.size() == len(nodes) - 1
