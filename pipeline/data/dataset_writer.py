@@ -18,9 +18,10 @@ import numpy as np
 from wiclosure.errors import OutputError
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.pipeline.runtime.output import whole_folder
+from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
