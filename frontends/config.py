@@ -63,7 +63,7 @@ class KeyframeSettings(Settings):
         1,
         ge=1,
         description="the last so many scans make up a keyframe's cloud: a few where scans are sparse; many see around"
-        " corners, and registration takes what lies there for looked through",
+        " corners, and registration takes what lies there for free-space conflicts",
     )
     cloud_voxel_size_m: float | None = Field(
         None, gt=0, description="m; none: half the odometry's voxel, what the finest step of registration can use"
@@ -155,8 +155,8 @@ class RegistrationSettings(Settings):
         0.94,
         ge=0,
         le=1,
-        description="matched points among those matched or looked through; true pairs 10 m apart have 0.95 or more on"
-        " streets and 0.98 in rooms, wrong poses reach 0.93 between equal pillars",
+        description="matched points among those matched or in free-space conflict; true pairs 10 m apart have 0.95 or"
+        " more on streets and 0.98 in rooms, wrong poses reach 0.93 between equal pillars",
     )
     min_agreement_with_prediction: float = Field(
         0.9, ge=0, le=1, description="the same where the result agrees with the filter's prediction"
@@ -183,11 +183,11 @@ class RegistrationSettings(Settings):
     cached_clouds: int = Field(64, ge=2, description="prepared keyframes kept at hand, some 5 MB each")
 
 
-class RevisitSettings(Settings):
-    """Closures within one robot's own trajectory."""
+class IntraRobotLoopSettings(Settings):
+    """Loop closures within one robot's own trajectory."""
 
     enabled: bool = Field(False, description="whether they are looked for")
-    min_travel_m: float = Field(30.0, gt=0, description="m of way between two visits; less is no loop worth closing")
+    min_travel_m: float = Field(30.0, gt=0, description="m travelled between two visits; less is no loop worth closing")
     radius_m: float = Field(10.0, gt=0, description="m within which two visits can be registered")
     gate_probability: float = Field(
         0.99,
@@ -195,11 +195,3 @@ class RevisitSettings(Settings):
         lt=1,
         description="pairs that are farther apart by odometry, by this quantile of its drift, are none",
     )
-
-
-class FrontEndSettings(Settings):
-    """What one robot does with its scans before it meets others."""
-
-    odometry: OdometrySettings = OdometrySettings()
-    keyframes: KeyframeSettings = KeyframeSettings()
-    scan_context: ScanContextSettings = ScanContextSettings()

@@ -27,7 +27,10 @@ class CandidateMetrics(TypedDict):
 
 
 class ClosureMetrics(TypedDict):
-    """How many closures came how far; true and false by ground truth, of those that have it."""
+    """How many closures came how far; true and false by ground truth, of those that have it.
+
+    `verified`: let through by registration and the radio check, which the funnel counts one by one.
+    """
 
     proposed: int
     verified: int
@@ -39,7 +42,7 @@ class ClosureMetrics(TypedDict):
 
 
 class StageCount(TypedDict):
-    """How many candidates are left after a stage, and how many of them are true and false; see `pipeline.funnel`."""
+    """How many candidates are left after a stage, and how many of them are true and false; see `funnel.py`."""
 
     stage: str
     count: int

@@ -1,10 +1,9 @@
-"""Stamps and order of clouds in single files, by their names or by a file of times beside them."""
+"""Stamps and order of clouds in single files, by their names."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from wiclosure.formats.stamps import nanoseconds
 from wiclosure.types import IntArray
 
 PERIOD_NS = 100_000_000  # 10 Hz, the usual rate of spinning LiDARs
-TIMES_FILES = ("times.txt", "timestamps.txt", "timestamp.txt")
 _UNITS_NS = ((10**17, 1), (10**14, 10**3), (10**11, 10**6), (10**8, 10**9))
 """A whole number at least this large is a date in units of so many nanoseconds; a smaller one is a frame number."""
 
@@ -29,12 +27,6 @@ class FileStamps(NamedTuple):
 def natural(name: str) -> list[tuple[int, str]]:
     """Sorts names by the numbers in them: `_2` before `_10`."""
     return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"([0-9]+)", name)]
-
-
-def times_file(folder: Path) -> Path | None:
-    """The file of times beside the clouds, or beside their folder."""
-    return next((place / name for place in (folder, folder.parent) for name in TIMES_FILES if (place / name).is_file()),
-                None)  # fmt: skip
 
 
 def stamps_of_names(names: Sequence[str]) -> FileStamps:

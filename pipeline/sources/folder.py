@@ -15,10 +15,10 @@ from wiclosure.pipeline.sources.clouds.columns import CloudReader
 from wiclosure.pipeline.sources.clouds.las import read_las
 from wiclosure.pipeline.sources.clouds.pcd import read_pcd
 from wiclosure.pipeline.sources.clouds.ply import read_ply
-from wiclosure.pipeline.sources.file_stamps import FileStamps, natural, stamps_of_names, times_file
-from wiclosure.pipeline.sources.kitti import read_times
+from wiclosure.pipeline.sources.file_stamps import FileStamps, natural, stamps_of_names
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.times_file import times_beside
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
@@ -96,14 +96,8 @@ class FolderSource:
 
 
 def _stamps(path: Path, files: list[Path]) -> FileStamps:
-    if (beside := times_file(path)) is not None:
-        stamps_ns = read_times(beside)
-        if len(stamps_ns) == len(files):
-            return FileStamps(stamps_ns, str(beside))
-        logger.warning(
-            "%s has %d times for %d clouds and is not used; complete it, or take it away", beside, len(stamps_ns),
-            len(files),
-        )  # fmt: skip
+    if (beside := times_beside(path, len(files))) is not None:
+        return FileStamps(beside[0], str(beside[1]))
     return stamps_of_names([_stem(file) for file in files])
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.stamps import nanoseconds
 from wiclosure.pipeline.sources.clouds.bin import check_layout, read_bin
 from wiclosure.pipeline.sources.file_stamps import natural
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.times_file import read_lines
 from wiclosure.types import IntArray, Scan
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))
@@ -117,49 +117,3 @@ def scan_numbers(files: Sequence[Path], known: Sequence[int], lines: int, path: 
         f"{path} has {len(known)} {what} for {len(files)} scans (the last is {files[-1].name}){blank};"
         " complete it, or remove the scans beyond its end"
     )
-
-
-def read_times(path: Path) -> IntArray:
-    """Stamps `(N,)` in nanoseconds of all lines that are not blank; see `read_lines`."""
-    return np.array([stamp for stamp in read_lines(path) if stamp is not None], np.int64)
-
-
-def read_lines(path: Path) -> list[int | None]:
-    """Stamps in nanoseconds, from seconds, nanoseconds since 1970, or dates (`2011-09-26 13:02:25.594360375`).
-
-    Returns:
-        One a line, None for a blank one; without blank lines at the end.
-
-    Raises:
-        InputError: the file is missing or a line is neither.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(
-            f"cannot read {path}: {error.strerror}; a KITTI folder needs it (one time in seconds for each scan)."
-            " To take 10 scans a second instead, name the folder of the .bin files"
-        ) from error
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; expected one time in seconds for each scan") from None
-    stamps = [
-        _stamp(path, number, line.strip()) if line.strip() and not line.lstrip().startswith("#") else None
-        for number, line in enumerate(lines, start=1)
-    ]
-    while stamps and stamps[-1] is None:
-        stamps.pop()
-    return stamps
-
-
-_LARGEST_SECONDS = 10**11  # a larger whole number counts nanoseconds
-
-
-def _stamp(path: Path, number: int, text: str) -> int:
-    try:
-        if "-" in text[1:] and ":" in text:
-            return int(np.datetime64(text.replace(" ", "T"), "ns").astype(np.int64))
-        if text.isdecimal() and int(text) > _LARGEST_SECONDS:
-            return int(text)
-        return nanoseconds(text)
-    except ValueError:
-        raise InputError(f"{path}, line {number}: {text!r} is no time; expected seconds or a date with time") from None

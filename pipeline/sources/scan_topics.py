@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from wiclosure.pipeline.sources.bag import BagTopic
 from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
 from wiclosure.pipeline.sources.messages.livox import LIVOX_TYPES
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.suggestions import did_you_mean
 
 SCAN_TYPES = (POINT_CLOUD_TYPE, *LIVOX_TYPES, DRACO_TYPE)
 
@@ -66,9 +66,7 @@ def holds_scans(topic: BagTopic) -> bool:
 def _requested(path: Path, topics: Mapping[str, BagTopic], clouds: Mapping[str, BagTopic], requested: str) -> str:
     name = requested if requested in topics else f"/{requested.strip('/')}"
     if name not in topics:
-        near = difflib.get_close_matches(name, topics, n=1)
-        suggestion = f"did you mean {near[0]}? " if near else ""
-        raise InputError(f"{path} has no topic {requested}; {suggestion}{_choices(clouds)}")
+        raise InputError(f"{path} has no topic {requested}; {did_you_mean(name, topics)}{_choices(clouds)}")
     if name not in clouds:
         kind = (
             topics[name].msgtype if topics[name].is_ros else f"{topics[name].msgtype} as {topics[name].found.encoding}"

@@ -1,4 +1,4 @@
-"""A robot's own odometry, from a TUM file or a topic of its bag."""
+"""Reads the odometry that a robot brings along, from a TUM file or a topic of its bag."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from wiclosure.errors import InputError
 from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
-from wiclosure.pipeline.sources.odometry_topic import read_odometry_topic
+from wiclosure.pipeline.sources.pose_topics import read_odometry_topic
 from wiclosure.types import Trajectory
 
 
-def recorded_odometry(robot: str, recording: RobotRecording, *, salvage: bool = False) -> Trajectory | None:
+def read_recorded_odometry(robot: str, recording: RobotRecording, *, salvage: bool = False) -> Trajectory | None:
     """`T_odom_lidar` in the robot's own clock, or None where it brings none.
 
     Raises:

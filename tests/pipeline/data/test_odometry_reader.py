@@ -19,14 +19,15 @@ from wiclosure.formats.tum import write_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
-from wiclosure.pipeline.data.inputs import RobotInput, open_inputs
+from wiclosure.pipeline.data.inputs import RobotInput
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
-from wiclosure.pipeline.sources.odometry_topic import ODOMETRY_TYPE, read_odometry_topic
+from wiclosure.pipeline.sources.pose_topics import ODOMETRY_TYPE, read_odometry_topic
 from wiclosure.pipeline.stages.odometry import front_ends, left_out
 from wiclosure.types import FloatArray, Scan, Trajectory
 
@@ -144,7 +145,7 @@ def test_a_lidar_beside_the_wheels_is_put_in_its_place(tmp_path: Path) -> None:
     # What was read is written again the same.
     (tmp_path / "again").mkdir()
     dataset = load_dataset([str(tmp_path)])
-    write_dataset(tmp_path / "again.yaml", dataset)
+    write_dataset(tmp_path / "again.yaml", dataset.robots, dataset.wireless)
     assert load_dataset([str(tmp_path / "again.yaml")]).robots == dataset.robots
 
 
