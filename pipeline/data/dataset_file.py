@@ -7,9 +7,11 @@ robots:
 wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
 Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
-`sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
-(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` says where the LiDAR is
-in the axes whose way that odometry tells.
+`sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum` (or a bag), or
+`odometry_topic: /odom` (in that bag, or that of the scans), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz,
+qw]` says where the LiDAR is in the axes whose path that odometry tells, if no static transform in the bag does.
+`ground_truth_topic: /vicon/alpha` is to `ground_truth` what `odometry_topic` is to `odometry`.  `layout: nuscenes` says
+what the records of `.bin` files hold, and `odometry_settings: {max_range_m: 40}` what is set otherwise for this robot.
 """
 
 from __future__ import annotations
@@ -21,9 +23,13 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.clouds.bin import record_type
 from wiclosure.suggestions import did_you_mean
 
 DATASET_FILE = "dataset.yaml"
@@ -111,10 +117,11 @@ def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     keys = _mapping(path, where, entry, known=tuple(_VALUES))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')
-    if keys.get("odometry") is not None and keys.get("odometry_topic") is not None:
-        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic"; name one')
     values = {key: _VALUES[key](path, f'"{key}" of {where}', value) for key, value in keys.items() if value is not None}
-    return RobotRecording(**values)
+    recording = RobotRecording(**values)
+    if recording.odometry and recording.odometry_topic and bag_kind(recording.odometry) is None:
+        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic", but the first is no bag; name one')
+    return recording
 
 
 def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) -> Mapping[str, Any]:
@@ -142,6 +149,30 @@ def _text(path: Path, what: str, value: object) -> str:
     return value
 
 
+def _beside(path: Path, what: str, value: object) -> Path:
+    """A file that need not exist: ground truth that is missing is said when it is read, and stops nothing."""
+    return path.parent / Path(_text(path, what, value)).expanduser()
+
+
+def _settings(path: Path, what: str, value: object) -> dict[str, object]:
+    chosen = dict(_mapping(path, what, value, known=tuple(OdometrySettings.model_fields)))
+    try:
+        OdometrySettings.model_validate(chosen)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        raise InputError(f"{path}: {what}: {'.'.join(map(str, problem['loc']))}: {problem['msg']}") from None
+    return chosen
+
+
+def _layout(path: Path, what: str, value: object) -> str:
+    layout = _text(path, what, value)
+    try:
+        record_type(layout)
+    except InputError as error:
+        raise InputError(f"{path}: {what}: {error}") from None
+    return layout
+
+
 def _seconds(path: Path, what: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{path}: {what} is {_shown(value)}; expected a number of seconds")
@@ -164,11 +195,14 @@ def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
 _VALUES: Mapping[str, Callable[[Path, str, object], Any]] = {
     "scans": _existing,
     "topic": _text,
-    "ground_truth": _existing,
+    "layout": _layout,
+    "ground_truth": _beside,
+    "ground_truth_topic": _text,
     "time_offset": _seconds,
     "ranges": _ranges,
     "odometry": _existing,
     "odometry_topic": _text,
+    "odometry_settings": _settings,
     "lidar_pose": _pose,
 }
 
@@ -179,21 +213,20 @@ def _shown(value: object) -> str:
 
 # ------------------------------------------------------------------------------------------------------------- writing
 def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
-    entry: dict[str, Any] = {"scans": _relative(folder, recording.scans)}
-    if recording.topic is not None:
-        entry["topic"] = recording.topic
-    if recording.ground_truth is not None:
-        entry["ground_truth"] = _relative(folder, recording.ground_truth)
-    if recording.time_offset:
-        entry["time_offset"] = recording.time_offset
-    if recording.ranges:
-        entry["ranges"] = dict(recording.ranges)
-    if recording.odometry is not None:
-        entry["odometry"] = _relative(folder, recording.odometry)
-    if recording.odometry_topic is not None:
-        entry["odometry_topic"] = recording.odometry_topic
-    if recording.lidar_pose is not None:
-        entry["lidar_pose"] = list(recording.lidar_pose)
+    """What is said of one robot, keys of their defaults left out."""
+    entry: dict[str, Any] = {}
+    for key in _VALUES:
+        match getattr(recording, key):
+            case None | 0.0:
+                continue
+            case Path() as path:
+                entry[key] = _relative(folder, path)
+            case Mapping() as pairs:
+                entry |= {key: dict(pairs)} if pairs else {}
+            case tuple() as numbers:
+                entry[key] = list(numbers)
+            case value:
+                entry[key] = value
     return entry
 
 

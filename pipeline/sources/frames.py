@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.pipeline.sources.bag import Bag
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage
 from wiclosure.types import FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -36,14 +37,12 @@ class _Transform(Protocol):
     rotation: _Quaternion
 
 
-class _Header(Protocol):
-    frame_id: str
-
-
 class TransformStamped(Protocol):
     """`geometry_msgs/TransformStamped`, as rosbags makes it."""
 
-    header: _Header
+    @property
+    def header(self) -> HeaderMessage: ...  # noqa: D102  -- named by ROS
+
     child_frame_id: str
     transform: _Transform
 

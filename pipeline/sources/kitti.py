@@ -56,11 +56,6 @@ class KittiSource:
         """One line for the user."""
         return f"KITTI folder {self.path}, {len(self.scan_files)} scans"
 
-    @property
-    def elevation_correction_deg(self) -> float:
-        """What the sensor's calibration needs."""
-        return ELEVATION_CORRECTION_DEG
-
     def __len__(self) -> int:
         """Number of scan files."""
         return len(self.scan_files)

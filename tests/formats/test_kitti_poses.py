@@ -7,7 +7,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.errors import OutputError
-from wiclosure.formats.kitti_poses import write_kitti_poses
+from wiclosure.formats.kitti_poses import read_kitti_poses, write_kitti_poses
 
 
 def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
@@ -19,3 +19,22 @@ def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="nowhere"):
         write_kitti_poses(tmp_path / "nowhere" / "poses.txt", np.eye(4)[None])
+
+
+@pytest.mark.parametrize("rows", [3, 4])
+@pytest.mark.parametrize("numbered", [False, True])
+def test_poses_are_read_with_their_frames(tmp_path: Path, rows: int, numbered: bool) -> None:
+    poses = se3.exp(np.random.default_rng(0).normal(size=(5, 6)))
+    frames = np.array([1, 2, 5, 6, 9])
+    lines = [
+        (f"{frame} " if numbered else "") + " ".join(map(repr, pose[:rows].reshape(-1).tolist()))
+        for frame, pose in zip(frames.tolist(), poses, strict=True)
+    ]
+    (tmp_path / "poses.txt").write_text("\n".join(lines) + "\n\n")
+    read = read_kitti_poses(tmp_path / "poses.txt")
+    np.testing.assert_allclose(read.poses, poses, atol=1e-12)
+    if numbered:
+        assert read.frames is not None
+        np.testing.assert_array_equal(read.frames, frames)
+    else:
+        assert read.frames is None

@@ -17,7 +17,7 @@ from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.odometry import front_ends, left_out
+from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.types import Scan
 
 
@@ -64,7 +64,7 @@ def test_unusable_scans_are_skipped_and_counted() -> None:
     source = robot([SCANS[0], SCANS[1], again, empty, back, SCANS[4]], announced=7)
     fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
     assert fronts["alpha"].odometry.stamps_ns.tolist() == [SCANS[k].stamp_ns for k in (0, 1, 4)]
-    assert left_out(source, fronts["alpha"]) == (
+    assert remarks(source, fronts["alpha"], Config()) == (
         "alpha: 1 of 6 scans have too few points in range and were skipped",
         "alpha: 2 of 6 scans have stamps that repeat or go back and were skipped",
         "alpha: only 6 of 7 announced scans could be read",
@@ -74,7 +74,7 @@ def test_unusable_scans_are_skipped_and_counted() -> None:
 def test_nothing_is_said_of_a_whole_recording() -> None:
     source = robot(SCANS)
     fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
-    assert left_out(source, fronts["alpha"]) == ()
+    assert remarks(source, fronts["alpha"], Config()) == ()
 
 
 def test_no_usable_scan_names_the_robot() -> None:
