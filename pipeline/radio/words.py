@@ -1,0 +1,115 @@
+"""How sources are written: `-w log.csv,preset=miluv,unit=mm`, `-w mapping.yaml`, and the entries of a data set file."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from wiclosure.errors import ConfigError, InputError
+from wiclosure.pipeline.radio.presets import preset_settings
+from wiclosure.pipeline.radio.source import RadioSource, keys
+
+
+def sources_of_words(words: Iterable[str]) -> tuple[RadioSource, ...]:
+    """The sources that words of a command line name.
+
+    A word is a path, with settings behind commas where it needs some (`uwb.csv,unit=mm,robots.7=alpha`), or a YAML file
+    that holds one source or a list of them (its paths are relative to it).
+
+    Raises:
+        InputError: a file does not exist.
+        ConfigError: unknown settings, or impossible values; names the word.
+    """
+    return tuple(source for word in words for source in _of_word(word))
+
+
+def sources_of_entries(entries: object, folder: Path, where: str) -> tuple[RadioSource, ...]:
+    """The sources of a YAML list (or of a single entry), each a path or a mapping.
+
+    Args:
+        entries: as YAML gives them.
+        folder: that paths are relative to.
+        where: the file, in messages.
+
+    Raises:
+        InputError: not of that form, or a file does not exist; names the file and the key.
+    """
+    listed = entries if isinstance(entries, list) else [entries]
+    return tuple(_of_entry(entry, folder, where) for entry in listed if entry is not None)
+
+
+def _of_word(word: str) -> tuple[RadioSource, ...]:
+    whole = Path(word).expanduser()
+    if whole.exists() or "," not in word:
+        if whole.suffix.lower() in {".yaml", ".yml"} and whole.is_file():
+            return sources_of_entries(_yaml(whole), whole.parent, str(whole))
+        return (_of_entry(word, Path(), f"--wireless {word}"),)
+    path, *settings = word.split(",")
+    nested: dict[str, Any] = {"path": path} if path else {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not equals:
+            raise ConfigError(f"--wireless {word}: {setting!r} is no setting; expected key=value behind the path")
+        _put(nested, key.strip().split("."), _value(value))
+    return (_of_entry(nested, Path(), f"--wireless {word}"),)
+
+
+def _put(nested: dict[str, Any], names: list[str], value: object) -> None:
+    for name in names[:-1]:
+        inner = nested.setdefault(name, {})
+        nested = inner if isinstance(inner, dict) else nested
+    nested[names[-1]] = value
+
+
+def _value(text: str) -> object:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+
+
+def _yaml(path: Path) -> object:
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; check the path") from error
+
+
+def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:
+    if isinstance(entry, str):
+        entry = {"path": entry}
+    if not isinstance(entry, Mapping):
+        raise InputError(f"{where}: a wireless source is {str(entry)[:60]!r}; expected a path, or keys with values")
+    stated = {str(key): value for key, value in entry.items()}
+    if isinstance(stated.get("path"), str):
+        path = folder / Path(stated["path"]).expanduser()
+        if not path.exists():
+            raise InputError(f"{where}: wireless log {path} does not exist; check the path")
+        stated["path"] = path
+    if isinstance(name := stated.get("preset"), str):
+        stated = {**preset_settings(name, folder), **stated}
+        del stated["preset"]
+    try:
+        return RadioSource.model_validate(stated)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_problem(error)}") from None
+
+
+def _problem(error: ValidationError) -> str:
+    """The first problem as one sentence; unknown keys with a near one."""
+    problem = error.errors()[0]
+    key = ".".join(str(part) for part in problem["loc"][:2])
+    if problem["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(key, keys(), n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(keys())}"
+        return f"wireless source with unknown key {key!r}; {hint}"
+    message = problem["msg"].removeprefix("Value error, ")
+    named = f"{key} is {str(problem['input'])[:60]!r}: " if key else ""
+    return f"{named}{message[0].lower()}{message[1:]}"
