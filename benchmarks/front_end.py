@@ -45,7 +45,8 @@ from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.inputs import Inputs, open_inputs
+from wiclosure.pipeline.data.inputs import Inputs
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends

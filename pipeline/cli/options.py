@@ -97,7 +97,7 @@ class Reading:
 
     def inputs(self, data: Sequence[str]) -> Inputs:
         """The recordings and radio logs that `data` names."""
-        from wiclosure.pipeline.data.inputs import open_inputs
+        from wiclosure.pipeline.data.open_inputs import open_inputs
 
         wireless = self.wireless or ()
         return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
@@ -123,7 +123,8 @@ class Working:
     @property
     def progress(self) -> Progress:
         """Bars, unless quiet."""
-        from wiclosure.pipeline.runtime.progress import BarProgress, NoProgress
+        from wiclosure.pipeline.cli.progress_bars import BarProgress
+        from wiclosure.pipeline.runtime.progress import NoProgress
 
         return NoProgress() if self.quiet else BarProgress()
 

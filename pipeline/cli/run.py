@@ -101,17 +101,22 @@ def filter_(
 
       wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
     """
+    from rich.console import Console
+
+    from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.report.tables import filter_table
+    from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    filtering.filter_candidates(
-        trajectory,
-        wireless,
-        config=resolve(config, set_, use_filter=filter_name),
-        outputs=filtering.Outputs(out, summary, plot, overwrite=overwrite),
-        quiet=quiet,
-        as_json=as_json,
-    )
+    settings = resolve(config, set_, use_filter=filter_name)
+    outputs = filtering.Outputs(out, summary, plot, overwrite=overwrite)
+    with warnings_on_terminal():
+        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)
+    if as_json:
+        typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
+    elif not quiet:
+        Console().print(filter_table(result))
 
 
 def evaluate(
@@ -142,8 +147,9 @@ def dump_config(
 ) -> None:
     """Print the resolved configuration as YAML, every key with its unit and meaning."""
     from wiclosure.pipeline import config as configuration
+    from wiclosure.pipeline.presets import preset_names
 
-    known = "\n".join(configuration.preset_names())
+    known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.statistics import Better, Paired, Spread, paired, spread
 from wiclosure.pipeline.evaluation.metrics import Metrics
 

@@ -18,7 +18,7 @@ from wiclosure.types import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from wiclosure.pipeline.comparison.arms import Comparison, Outcome
+    from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 
 FILTER_STYLES = {
     "none": ("#555555", "o"),

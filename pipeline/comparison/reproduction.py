@@ -6,18 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome, Plan
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS, Experiment
 from wiclosure.pipeline.comparison.figures import FIGURES, Figure, summaries
-from wiclosure.pipeline.comparison.plan import scenario_worlds
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
+from wiclosure.pipeline.comparison.plan import Plan, scenario_worlds
 from wiclosure.pipeline.comparison.statistics import spread
 from wiclosure.pipeline.comparison.tables import markdown, spread_text
+from wiclosure.pipeline.config import resolve
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.scenarios import ScenarioSettings
 
-FILTERS = ("none", "wiclosure", "oracle")
+ARMS = ("none", "wiclosure", "oracle")
+"""Filters that run beside the paper's two columns."""
+
 FAILURE_DRIFTS, FAILURE_M = 2.0, 1.0
 """A run has failed where its robots are not all connected, or the team ATE exceeds so many times what odometry alone
 leaves plus so many metres: more than drift explains."""
@@ -50,7 +52,7 @@ def plan_of(
     seed: int = 0,
     seeds: int = 1,
     n_scans: int | None = None,
-    set_: list[str] | None = None,
+    set_: Sequence[str] | None = None,
 ) -> tuple[Experiment, Plan]:
     """The experiment of that name, and its arms.
 
@@ -72,10 +74,9 @@ def plan_of(
             if experiment.needs_poses
             else f"reproduce {name} takes no --poses; leave it out"
         )
-    settings = Configuration(config=experiment.site, set_=set_)
-    configs = {preset: settings.resolved(preset=preset) for preset in experiment.presets}
+    configs = {preset: resolve(experiment.site, set_, preset=preset) for preset in experiment.presets}
     worlds = scenario_worlds(experiment.scenario, ScenarioSettings(seed=seed, poses=poses), seeds, n_scans)
-    return experiment, Plan(configs, FILTERS, worlds)
+    return experiment, Plan(configs, ARMS, worlds)
 
 
 def tables(experiment: Experiment, comparison: Comparison) -> dict[str, tuple[list[str], list[list[str]]]]:

@@ -12,9 +12,9 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.config import explain, nested_words
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.runtime.cache import code_digest, file_identity
+from wiclosure.pipeline.runtime.settings_text import explain, nested_words
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 

@@ -24,7 +24,7 @@ from wiclosure.backends.pose_graph import optimise
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import write_tum
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.stages.run_folder import write_json
+from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.types import Closure, Decision, KeyframeId
 
 logger = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ def write(folder: Path, merged: Merged) -> None:
     for robot, trajectory in merged.graph.trajectories.items():
         stem = robot if robot.translate(str.maketrans("", "", "_-.")).isalnum() else f"robot_{ord(robot[0])}"
         write_tum(folder / f"{stem}.tum", trajectory)
-        write_kitti_poses(folder / f"{stem}_kitti.txt", trajectory)
+        write_kitti_poses(folder / f"{stem}_kitti.txt", trajectory.poses)
     with (folder / "closures.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.DictWriter(file, COLUMNS)
         rows.writeheader()

@@ -17,7 +17,6 @@ from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.frontends.config import FrontEndSettings
 from wiclosure.frontends.front_end import FrontEnd
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.data.dataset import Dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
@@ -59,7 +58,7 @@ def dataset(kitti_drive: ScanSource, reference: Trajectory, tmp_path_factory: py
         "alpha": RobotRecording(folder / "alpha", ground_truth=folder / "alpha_gt.tum"),
         "beta": RobotRecording(folder / "beta", ground_truth=folder / "beta_gt.tum"),
     }
-    write_dataset(folder / "dataset.yaml", Dataset(robots))
+    write_dataset(folder / "dataset.yaml", robots)
     return folder / "dataset.yaml"
 
 

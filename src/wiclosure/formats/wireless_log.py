@@ -11,7 +11,6 @@ Angles are radians, azimuth counter-clockwise from x forward, elevation up from 
 
 from __future__ import annotations
 
-import difflib
 import json
 import logging
 import math
@@ -23,6 +22,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.stamps import seconds_text
+from wiclosure.suggestions import did_you_mean
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
@@ -127,9 +127,9 @@ def _check_keys(record: _Record, kind: str) -> None:
         raise InputError(f'{kind} record without "{missing[0]}"; add it')
     unknown = sorted(record.keys() - required - optional)
     if unknown:
-        near = difflib.get_close_matches(unknown[0], required | optional, n=1)
-        hint = f'did you mean "{near[0]}"?' if near else f"known keys: {', '.join(sorted(required | optional))}"
-        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint}")
+        known = sorted(required | optional)
+        hint = did_you_mean(unknown[0], known) or f"known keys: {', '.join(known)}"
+        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint.strip()}")
 
 
 def _measurement(record: _Record) -> WirelessMeasurement:

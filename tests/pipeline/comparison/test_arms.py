@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError
+from wiclosure.pipeline.cli.compare import make_plan
 from wiclosure.pipeline.cli.options import Configuration, Reading
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome, Plan, compare
+from wiclosure.pipeline.comparison.arms import compare
 from wiclosure.pipeline.comparison.figures import FIGURES, closing_seconds, summaries
-from wiclosure.pipeline.comparison.plan import make_plan
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
+from wiclosure.pipeline.comparison.plan import Plan
 from wiclosure.pipeline.comparison.tables import comparison_json, comparison_markdown, write_tables
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder

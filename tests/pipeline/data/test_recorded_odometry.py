@@ -19,7 +19,8 @@ from wiclosure.formats.tum import write_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
-from wiclosure.pipeline.data.inputs import RobotInput, open_inputs
+from wiclosure.pipeline.data.inputs import RobotInput
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
@@ -144,7 +145,7 @@ def test_a_lidar_beside_the_wheels_is_put_in_its_place(tmp_path: Path) -> None:
     # What was read is written again the same.
     (tmp_path / "again").mkdir()
     dataset = load_dataset([str(tmp_path)])
-    write_dataset(tmp_path / "again.yaml", dataset)
+    write_dataset(tmp_path / "again.yaml", dataset.robots, dataset.wireless)
     assert load_dataset([str(tmp_path / "again.yaml")]).robots == dataset.robots
 
 
