@@ -11,6 +11,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
+    WIRELESS_HELP,
     ConfigName,
     Configuration,
     Data,
@@ -80,7 +81,7 @@ def filter_(
         list[str],
         typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
     ],
-    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
+    wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
     out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
     summary: Annotated[
         Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)
@@ -105,6 +106,7 @@ def filter_(
 
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
@@ -112,7 +114,7 @@ def filter_(
     settings = resolve(config, set_, use_filter=filter_name)
     outputs = filtering.Outputs(out, summary, plot, overwrite=overwrite)
     with warnings_on_terminal():
-        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)
+        result = filtering.filter_candidates(trajectory, sources_of_words(wireless), config=settings, outputs=outputs)
     if as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not quiet:

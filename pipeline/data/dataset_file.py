@@ -24,14 +24,16 @@ import yaml
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.words import sources_of_entries
 from wiclosure.suggestions import did_you_mean
 
 DATASET_FILE = "dataset.yaml"
 WIRELESS_FILE = "wireless.jsonl"
 
 
-def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path, ...]]:
-    """Recordings by robot, and wireless logs; all of them exist.
+def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[RadioSource, ...]]:
+    """Recordings by robot, and radio logs; all of them exist.
 
     Raises:
         InputError: the file cannot be read, is not as described above, or names files that do not exist.
@@ -43,20 +45,16 @@ def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path
         _text(path, "a robot's name", robot): _robot(path, str(robot), entry)
         for robot, entry in _mapping(path, '"robots"', content["robots"]).items()
     }
-    logs = content.get("wireless") or []
-    logs = [logs] if isinstance(logs, str) else logs
-    if not isinstance(logs, list):
-        raise InputError(f'{path}: "wireless" is {_shown(logs)}; expected a list of files')
-    return robots, tuple(_existing(path, "wireless log", log) for log in logs)
+    return robots, sources_of_entries(content.get("wireless"), path.parent, str(path))
 
 
-def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wireless: Iterable[Path] = ()) -> None:
+def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wireless: Iterable[RadioSource] = ()) -> None:
     """Writes a data set file; paths become relative to it where they lie beside or below it.
 
     Args:
         path: the file.
         robots: recordings by name of the robot, in order.
-        wireless: wireless logs.
+        wireless: radio logs.
 
     Raises:
         OutputError: the file cannot be written.
@@ -64,7 +62,7 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
     path = Path(path)
     entries = {robot: _entry(path.parent, recording) for robot, recording in robots.items()}
     content: dict[str, Any] = {"robots": entries}
-    if logs := [_relative(path.parent, log) for log in wireless]:
+    if logs := [_radio(path.parent, source) for source in wireless]:
         content["wireless"] = logs
     try:
         path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
@@ -195,6 +193,14 @@ def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
     if recording.lidar_pose is not None:
         entry["lidar_pose"] = list(recording.lidar_pose)
     return entry
+
+
+def _radio(folder: Path, source: RadioSource) -> str | dict[str, Any]:
+    """A path alone, or what is stated of the source."""
+    stated = source.model_dump(mode="json", exclude_unset=True, by_alias=True)
+    if source.path is not None:
+        stated["path"] = _relative(folder, source.path)
+    return stated["path"] if stated.keys() == {"path"} else stated
 
 
 def _relative(folder: Path, path: Path) -> str:

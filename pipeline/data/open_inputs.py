@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.cache import file_identity
 
 
@@ -15,7 +15,7 @@ def open_inputs(
     data: Sequence[str],
     *,
     topic: str | None = None,
-    wireless: Sequence[Path] = (),
+    wireless: Sequence[RadioSource] = (),
     limit: int | None = None,
     salvage: bool = False,
 ) -> Inputs:
@@ -24,7 +24,7 @@ def open_inputs(
     Args:
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
-        wireless: wireless logs besides those of the data set.
+        wireless: radio logs besides those of the data set.
         limit: read at most so many scans a robot.
         salvage: use what can be read of damaged bags.
 

@@ -61,7 +61,9 @@ def guessed_fields(columns: Sequence[str], source: RadioSource, path: Path, *, h
     if not (complete.range_ or complete.azimuth or complete.x):
         raise InputError(f"{path}: no column of ranges is known; name it with range:, or azimuth:; {shown}")
     if found:
-        logger.info("%s: read by the names of its columns as %s", path, ", ".join(f"{k}: {v}" for k, v in found.items()))
+        logger.info(
+            "%s: read by the names of its columns as %s", path, ", ".join(f"{k}: {v}" for k, v in found.items())
+        )
     return complete
 
 

@@ -64,9 +64,7 @@ class FieldPath:
                     raise InputError(f"field {name!r} of {self.text!r} is no array; leave the [] out")
                 if each:
                     return [self._from(element, number + 1) for element in value]
-                if index is not None and index >= len(value):
-                    return None
-                value = value[index]
+                value = value[index] if index is not None and index < len(value) else None
         return value
 
 

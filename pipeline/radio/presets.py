@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -12,7 +11,8 @@ from typing import Any
 
 import yaml
 
-from wiclosure.errors import ConfigError
+from wiclosure.errors import InputError
+from wiclosure.suggestions import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def preset_settings(name: str, folder: Path) -> Mapping[str, Any]:
     """The settings of a preset, or of a YAML file (relative to the folder).
 
     Raises:
-        ConfigError: there is no such preset or file.
+        InputError: there is no such preset or file.
     """
     if name in presets():
         return presets()[name].settings
@@ -56,21 +56,17 @@ def preset_settings(name: str, folder: Path) -> Mapping[str, Any]:
         try:
             content = yaml.safe_load(file.read_text(encoding="utf-8"))
         except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
+            raise InputError(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
         if isinstance(content, dict):
             return content
-        raise ConfigError(f"{file} holds no settings; expected keys and values of one wireless source")
-    near = difflib.get_close_matches(name, presets(), n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ConfigError(f"radio preset {name!r} not found; {hint}known: {', '.join(presets())}, or a YAML file")
+        raise InputError(f"{file} holds no settings; expected keys and values of one wireless source")
+    hint = did_you_mean(name, presets())
+    raise InputError(f"radio preset {name!r} not found; {hint}known: {', '.join(presets())}, or a YAML file")
 
 
 def preset_of_message(msgtype: str) -> Preset | None:
-    """The preset for messages of a type, in ROS 2 notation; packages differ in name, so the type's name decides alone
-    where the package is not known.
-    """
-    exact = [preset for preset in presets().values() if msgtype in preset.messages]
-    return exact[0] if exact else None
+    """The preset for messages of a type, in ROS 2 notation."""
+    return next((preset for preset in presets().values() if msgtype in preset.messages), None)
 
 
 def preset_of_header(columns: tuple[str, ...]) -> Preset | None:

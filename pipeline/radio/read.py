@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -63,9 +62,9 @@ def read_radio(source: RadioSource, known: Known = None, *, salvage: bool = Fals
         raise InputError(f"{source.described()} is a topic of the robots' own bags; name a bag as path")
     if not source.path.exists():
         raise InputError(f"wireless log {source.path} does not exist; check the path")
-    source = _with_preset(source)
-    kind = source.kind or _kind(source.path, source)
-    reading = _READERS[kind](source.path, source, known, salvage)
+    path, source = source.path, _with_preset(source)
+    kind = source.kind or _kind(path, source)
+    reading = _READERS[kind](path, source, known, salvage)
     if reading.account is not None:
         reading.account.report()
     return reading
@@ -149,7 +148,13 @@ def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) 
 
 def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
     stamps_ns = {trial: round(Decimal(str(stamp)) * 10**9) for trial, stamp in source.stamps.items()}
-    log = wsr_wireless_log(read_wsr_profiles(path), stamps_ns)
+    profiles = read_wsr_profiles(path)
+    if missing := sorted({profile.trial for profile in profiles} - stamps_ns.keys()):
+        raise InputError(
+            f"{path} is WSR-Toolbox output, which holds no times: {len(missing)} trials have none;"
+            f" add stamps: {{{missing[0]}: SECONDS, ...}}"
+        )
+    log = wsr_wireless_log(profiles, stamps_ns)
     return RadioReading(_renamed(log, source, known), None, "wsr")
 
 

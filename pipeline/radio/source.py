@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.formats.radio_units import AngleUnit, AzimuthZero, ElevationZero, LengthUnit, TimeUnit
 from wiclosure.settings import Settings
 from wiclosure.types import AoaFrame
@@ -42,9 +43,12 @@ class RadioSource(Settings):
     kind: Kind | None = Field(
         None, description="jsonl, table, lines, topics, wsr or pyfg; told from the file where it is not given"
     )
-    preset: str | None = Field(None, description="name of a preset, or a YAML file of settings that these are laid over")
+    preset: str | None = Field(
+        None, description="name of a preset, or a YAML file of settings that these are laid over"
+    )
     topic: str | None = Field(
-        None, description="topic of a bag, or a family of them: `/uwb/n_{from}/n_{to}/range`, where the name holds the ids"
+        None,
+        description="topic of a bag, or a family of them: `/uwb/n_{from}/n_{to}/range`, where the name holds the ids",
     )
     pattern: str | None = Field(
         None, description="regular expression that finds each measurement of a line; its groups are fields"
@@ -56,9 +60,12 @@ class RadioSource(Settings):
         (), description="field of the time, or two of seconds and nanoseconds; `received`: when the bag got the message"
     )
     stamp_unit: TimeUnit = Field(
-        "auto", description="s, ms, us or ns; auto: by the size of times since 1970, else seconds; dates read as ISO 8601"
+        "auto",
+        description="s, ms, us or ns; auto: by the size of times since 1970, else seconds; dates read as ISO 8601",
     )
-    time_offset: float = Field(0.0, description="seconds that are added to the log's stamps, before those of the robots")
+    time_offset: float = Field(
+        0.0, description="seconds that are added to the log's stamps, before those of the robots"
+    )
     from_: Name | None = Field(None, alias="from", description="field with the id of the tag that measured")
     to: Name | None = Field(None, description="field with the id of the tag that was measured")
     receiver: Name | None = Field(None, description="robot that measured, where no field says so")
@@ -113,6 +120,12 @@ class RadioSource(Settings):
         if len(self.stamp) > 2:
             raise ValueError("stamp takes one field, or two of seconds and nanoseconds")
         return self
+
+    def of_bag(self, path: Path, robot: str) -> RadioSource:
+        """The same for one robot's bag; it measured, where nothing in the messages or the topic's name says who did."""
+        ids = NamePattern(self.topic or "").roles
+        stated = self.from_ is not None or self.receiver is not None or "from" in ids
+        return self.model_copy(update={"path": path, **({} if stated else {"receiver": robot})})
 
     def described(self) -> str:
         """Where it is, in messages."""

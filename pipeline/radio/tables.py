@@ -48,7 +48,9 @@ class _Columns:
     def __init__(self, table: TextTable, source: RadioSource) -> None:
         self._table = table
         shared = {
-            key.removesuffix("_"): self._index(getattr(source, key)) for key in _PLAIN if getattr(source, key) is not None
+            key.removesuffix("_"): self._index(getattr(source, key))
+            for key in _PLAIN
+            if getattr(source, key) is not None
         }
         if isinstance(source.bearing_sigma, str):
             shared["bearing_sigma"] = self._index(source.bearing_sigma)

@@ -60,7 +60,9 @@ class TagNames:
     @staticmethod
     def _by_number(source: RadioSource, known: Collection[str] | None) -> dict[str, str]:
         if known is None:
-            raise InputError(f"{source.described()}: robots are found by number, but none are named; map the ids instead")
+            raise InputError(
+                f"{source.described()}: robots are found by number, but none are named; map the ids instead"
+            )
         numbers = [(number_at_end(robot), robot) for robot in known]
         found = {str(number): robot for number, robot in numbers if number is not None}
         if len(found) < len(numbers):

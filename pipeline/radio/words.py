@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from pydantic import ValidationError
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
+from wiclosure.suggestions import did_you_mean
 
 
 def sources_of_words(words: Iterable[str]) -> tuple[RadioSource, ...]:
@@ -91,13 +91,16 @@ def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:
     if isinstance(stated.get("path"), str):
         path = folder / Path(stated["path"]).expanduser()
         if not path.exists():
-            raise InputError(f"{where}: wireless log {path} does not exist; check the path")
+            raise InputError(
+                f"{where}: wireless log names {path}, which does not exist; paths are relative to the file that names them"
+            )
         stated["path"] = path
-    if isinstance(name := stated.get("preset"), str):
-        stated = {**preset_settings(name, folder), **stated}
-        del stated["preset"]
     try:
+        if isinstance(name := stated.pop("preset", None), str):
+            stated = {**preset_settings(name, folder), **stated}
         return RadioSource.model_validate(stated)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     except ValidationError as error:
         raise InputError(f"{where}: {_problem(error)}") from None
 
@@ -107,9 +110,8 @@ def _problem(error: ValidationError) -> str:
     problem = error.errors()[0]
     key = ".".join(str(part) for part in problem["loc"][:2])
     if problem["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(key, keys(), n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(keys())}"
-        return f"wireless source with unknown key {key!r}; {hint}"
+        hint = did_you_mean(key, keys()) or f"known: {', '.join(keys())}"
+        return f"wireless source with unknown key {key!r}; {hint}".rstrip()
     message = problem["msg"].removeprefix("Value error, ")
     named = f"{key} is {str(problem['input'])[:60]!r}: " if key else ""
     return f"{named}{message[0].lower()}{message[1:]}"

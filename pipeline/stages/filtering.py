@@ -11,11 +11,10 @@ from wiclosure.errors import ConfigError, InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.filter_summary import filter_summary
 from wiclosure.formats.tum import read_tum
-from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.radio.read import read_radio
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
-from wiclosure.pipeline.sources.bag_files import bag_kind
-from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -49,7 +48,7 @@ class Outputs:
 
 def filter_candidates(
     trajectories: Sequence[str],
-    logs: Sequence[Path],
+    logs: Sequence[RadioSource],
     *,
     config: Config,
     outputs: Outputs,
@@ -58,7 +57,7 @@ def filter_candidates(
 
     Args:
         trajectories: `name=file` words; pair indices refer to the rows of the files.
-        logs: wireless logs.
+        logs: radio logs, by path.
         config: settings; `use_filter` names the filter.
         outputs: files to write.
 
@@ -105,13 +104,13 @@ def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajec
     return robots
 
 
-def _read_logs(paths: Sequence[Path], robots: dict[str, Trajectory]) -> WirelessLog:
+def _read_logs(sources: Sequence[RadioSource], robots: dict[str, Trajectory]) -> WirelessLog:
     log = WirelessLog()
-    for path in paths:
-        read = read_wireless_topics(path) if path.exists() and bag_kind(path) else read_wireless_log(path)
+    for source in sources:
+        read = read_radio(source, robots).log
         if unknown := sorted(read.robots() - set(robots)):
             raise InputError(
-                f"{path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"
+                f"{source.path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"
                 f" add --trajectory {unknown[0]}=FILE, or name the robots alike"
             )
         log += read

@@ -42,6 +42,11 @@ class NamePattern:
             free = ["to"]
         return {name: name if name in {"from", "to"} else free.pop(0) for name in names}
 
+    @property
+    def roles(self) -> set[str]:
+        """Which of `from` and `to` its places stand for."""
+        return set(self._roles.values())
+
     @cached_property
     def _expression(self) -> re.Pattern[str]:
         parts: list[str] = []

@@ -1,4 +1,4 @@
-"""Units in which radio logs state lengths, times and angles, and their conversion to metres, nanoseconds and radians."""
+"""Units of lengths, times and angles in radio logs, and their conversion to metres, nanoseconds and radians."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
 
 def _date_ns(text: str) -> int:
     """`2024-05-01T10:00:00.123456789Z`; datetime keeps microseconds, so the fraction is read apart."""
+    if ":" not in text:
+        raise ValueError(f"{text[:40]!r} is no time")
     head, point, tail = text.strip().partition(".")
     digits = tail[: len(tail) - len(tail.lstrip("0123456789"))]
     try:
         moment = datetime.fromisoformat(head + tail[len(digits) :])
     except ValueError:
         raise ValueError(f"{text[:40]!r} is no time") from None
-    if not moment.time() and "T" not in head and ":" not in head:
-        raise ValueError(f"{text[:40]!r} is no time")
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     since = moment - datetime(1970, 1, 1, tzinfo=UTC)
     whole_s = since.days * 86_400 + since.seconds
