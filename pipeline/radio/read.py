@@ -21,6 +21,7 @@ from wiclosure.pipeline.radio.source import Kind, RadioSource
 from wiclosure.pipeline.radio.tables import line_rows, opened, table_rows
 from wiclosure.pipeline.radio.tag_names import TagNames
 from wiclosure.pipeline.radio.topics import topic_rows
+from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import WirelessLog
@@ -36,11 +37,13 @@ class RadioReading:
         log: its measurements, by robots' names, in order of time.
         account: what became of each reading; None for formats that hold nothing else.
         kind: how it was read.
+        unused: topics of a bag that look like radio and were not read.
     """
 
     log: WirelessLog
     account: Account | None
     kind: Kind
+    unused: tuple[UnusedRadio, ...] = ()
 
 
 Known: TypeAlias = Collection[str] | None
@@ -123,9 +126,11 @@ def _lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> Radi
 
 def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
     if source.topic is None:
-        return RadioReading(_renamed(read_wireless_topics(path, salvage=salvage), source, known), None, "topics")
+        log = _renamed(read_wireless_topics(path, salvage=salvage), source, known)
+        return RadioReading(log, None, "topics", tuple(unused_radio(path, (), salvage=salvage)))
     rows = topic_rows(path, source, salvage=salvage)
-    return RadioReading(*_interpreted(rows, source, known), "topics")
+    log, account = _interpreted(rows, source, known)
+    return RadioReading(log, account, "topics", tuple(unused_radio(path, (source.topic,), salvage=salvage)))
 
 
 def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:

@@ -47,7 +47,7 @@ def pair_summaries(log: WirelessLog) -> list[PairSummary]:
 def _summary(robots: tuple[str, str], measurements: Iterable[WirelessMeasurement]) -> PairSummary:
     listed = list(measurements)
     stamps_ns = np.array([m.stamp_ns for m in listed], np.int64)
-    gaps_s = np.diff(np.unique(stamps_ns)) * 1e-9
+    gaps_s = np.asarray(np.diff(np.unique(stamps_ns)), float) * 1e-9
     ranges = np.array([m.range_m for m in listed if m.range_m is not None], float)
     sigmas = np.array([m.range_sigma_m for m in listed if m.range_sigma_m is not None], float)
     low, middle, high = (_quantile(ranges, q) for q in (0, 0.5, 1))

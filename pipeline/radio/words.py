@@ -92,7 +92,7 @@ def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:
         path = folder / Path(stated["path"]).expanduser()
         if not path.exists():
             raise InputError(
-                f"{where}: wireless log names {path}, which does not exist; paths are relative to the file that names them"
+                f"{where}: wireless log names {path}, which does not exist; paths are relative to where they are named"
             )
         stated["path"] = path
     try:

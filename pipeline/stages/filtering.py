@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from wiclosure.errors import ConfigError, InputError, OutputError
+from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.filter_summary import filter_summary
-from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.data.named_trajectories import named_trajectories
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
@@ -67,7 +67,7 @@ def filter_candidates(
         OutputError: a file exists or cannot be written.
     """
     outputs.require_free()
-    robots = _read_trajectories(trajectories, config)
+    robots = named_trajectories(trajectories, config.drift)
     wireless = _read_logs(logs, robots)
     result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
     if outputs.candidates is not None:
@@ -88,20 +88,6 @@ def filter_candidates(
         with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
             save_pictures(result, robots, wireless, config.filter, scratch)
     return result
-
-
-def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajectory]:
-    robots: dict[str, Trajectory] = {}
-    for word in words:
-        robot, equals, path = word.partition("=")
-        if not (robot and equals and path):
-            raise ConfigError(f"--trajectory {word}: expected NAME=FILE, for example alpha=alpha.tum")
-        if robot in robots:
-            raise ConfigError(f"--trajectory names {robot} twice; give each robot a name of its own")
-        robots[robot] = read_tum(path, robot, config.drift)
-    if len(robots) < 2:
-        raise ConfigError("one trajectory only: there is nothing to compare; give --trajectory for each robot")
-    return robots
 
 
 def _read_logs(sources: Sequence[RadioSource], robots: dict[str, Trajectory]) -> WirelessLog:

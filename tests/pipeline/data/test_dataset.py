@@ -93,7 +93,9 @@ def test_what_several_logs_repeat_counts_once(folder: Path) -> None:
 
 def test_recordings_named_on_the_command_line(folder: Path) -> None:
     dataset = load_dataset(
-        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"], topic="/points", wireless=[RadioSource(path=folder / "wireless.jsonl")]
+        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"],
+        topic="/points",
+        wireless=[RadioSource(path=folder / "wireless.jsonl")],
     )
     assert dataset.wireless_log() == LOG
     assert len(dataset.scans("alpha", limit=2)) == 2
