@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeAlias
@@ -14,6 +14,7 @@ from wiclosure.formats.pyfg import WORDS, read_pyfg_ranges
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.formats.wsr import read_wsr_profiles, wsr_wireless_log
 from wiclosure.pipeline.radio.account import Account
+from wiclosure.pipeline.radio.corrections import corrected
 from wiclosure.pipeline.radio.interpret import interpret
 from wiclosure.pipeline.radio.presets import preset_of_header, preset_settings
 from wiclosure.pipeline.radio.rows import Row
@@ -178,28 +179,5 @@ def _interpreted(rows: Iterator[Row], source: RadioSource, known: Known) -> tupl
 
 
 def _renamed(log: WirelessLog, source: RadioSource, known: Known) -> WirelessLog:
-    """A log that names robots itself: names mapped, those of anchors left out, stamps moved."""
-    offset_ns = round(Decimal(str(source.time_offset)) * 10**9)
-    if source.robots is None and not source.anchors and not offset_ns:
-        return log
-    names = TagNames(source, None if source.robots != "by number" else known)
-
-    def named(tag: str) -> str:
-        return names.robot(tag) or tag
-
-    def moved(stamp_ns: int | None) -> int | None:
-        return None if stamp_ns is None else stamp_ns + offset_ns
-
-    measurements = tuple(
-        replace(
-            m,
-            stamp_ns=m.stamp_ns + offset_ns,
-            receiver=named(m.receiver),
-            transmitter=named(m.transmitter),
-            transmitter_stamp_ns=moved(m.transmitter_stamp_ns),
-        )
-        for m in log.measurements
-        if not (names.is_anchor(m.receiver) or names.is_anchor(m.transmitter))
-    )
-    headings = tuple(replace(h, stamp_ns=h.stamp_ns + offset_ns, robot=named(h.robot)) for h in log.headings)
-    return WirelessLog() + WirelessLog(measurements, headings)
+    """A log that names robots and states units itself, corrected by what the source says besides."""
+    return corrected(log, source, TagNames(source, known if source.robots == "by number" else None))

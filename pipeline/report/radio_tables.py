@@ -22,7 +22,7 @@ def radio_table(reading: RadioReading) -> Table:
     since = f", from {min(pair.first_ns for pair in pairs) * 1e-9:.3f} s" if pairs else ""
     table = Table(title=f"radio log read as {reading.kind}{since}")
     for column in ("robots", "ranges", "bearings", "range m", "sigma m", "for s", "every s"):
-        table.add_column(column, no_wrap=column == "range m")
+        table.add_column(column, no_wrap=column == "range m", overflow="fold")
     for pair in pairs:
         table.add_row(*_cells(pair))
     remarks = [] if account is None else [*account.notes, *account.sentences()]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.radio_units import LengthUnit
 from wiclosure.pipeline.radio.check.bearings import check_bearings
 from wiclosure.pipeline.radio.check.clock import Span, check_clock, check_overlap, common_span
 from wiclosure.pipeline.radio.check.finding import Finding
@@ -36,12 +37,13 @@ class CheckResult:
         return {key: found[0] for key, found in values.items() if _agree(found)}
 
 
-def check_log(log: WirelessLog, trajectories: Mapping[str, Trajectory]) -> CheckResult:
+def check_log(log: WirelessLog, trajectories: Mapping[str, Trajectory], unit: LengthUnit = "m") -> CheckResult:
     """Holds a log against the robots' trajectories: overlap, gaps, repeated values, units, clock, bearings.
 
     Args:
         log: measurements by the robots' names.
         trajectories: odometry (or truth) of each robot, each in a frame of its own.
+        unit: that the log's ranges were read in.
 
     Raises:
         InputError: the log is empty, or no pair in it has both trajectories.
@@ -60,7 +62,7 @@ def check_log(log: WirelessLog, trajectories: Mapping[str, Trajectory]) -> Check
         return CheckResult((apart,))
     findings = [_left_aside(len(log.measurements) - len(known))] if len(known) < len(log.measurements) else []
     for samples in pair_samples(known).values():
-        findings += _pair(samples, trajectories)
+        findings += _pair(samples, trajectories, unit)
     return CheckResult(tuple(findings))
 
 
@@ -68,17 +70,16 @@ def _left_aside(count: int) -> Finding:
     return Finding("overlap", "note", f"{count} measurements are with robots that have no trajectory")
 
 
-def _pair(samples: PairSamples, trajectories: Mapping[str, Trajectory]) -> Sequence[Finding]:
+def _pair(samples: PairSamples, trajectories: Mapping[str, Trajectory], unit: LengthUnit) -> Sequence[Finding]:
     findings = [*_covered(samples, trajectories), *_gaps(samples), *_repeated(samples)]
-    clock, shift_s = check_clock(samples, trajectories)
-    ranges = check_ranges(samples, trajectories)
-    unit_is_wrong = any(f.topic == "unit" and f.level == "suspect" for f in ranges.findings)
-    shift_ns = 0 if unit_is_wrong else round(shift_s * 1e9)
+    ranges = check_ranges(samples, trajectories, 0, unit)
+    clock, shift_ns = None, 0
+    if not any(f.topic == "unit" and f.level == "suspect" for f in ranges.findings):
+        clock, shift_s = check_clock(samples, trajectories)
+        shift_ns = round(shift_s * 1e9)
     if shift_ns:
-        ranges = check_ranges(samples, trajectories, shift_ns)
-    findings += ranges.findings
-    if clock is not None and not unit_is_wrong:  # ranges of another unit say nothing of the clock
-        findings.append(clock)
+        ranges = check_ranges(samples, trajectories, shift_ns, unit)
+    findings += [*ranges.findings, *([] if clock is None else [clock])]
     return [*findings, *check_bearings(samples, trajectories, ranges.fit, shift_ns)]
 
 

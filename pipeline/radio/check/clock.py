@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples
-from wiclosure.pipeline.radio.check.range_fit import FEWEST, best_rms_m
+from wiclosure.pipeline.radio.check.range_fit import FEWEST, RangeFit, fit_ranges, refit
 from wiclosure.types import FloatArray, Trajectory
 
 _MOST = 150  # ranges of a pair that are fitted at each shift
@@ -17,6 +17,8 @@ _WITHIN_S = 30.0
 _COARSE_S = 0.5
 _FINE_S = 0.05
 _BETTER = 1.3  # the fit must get so many times better: drift of odometry can imitate a little
+_LEAST_GAIN_M = 0.1  # below, the offset of a slow robot's clock does no harm
+_INSIDE = 0.8  # of the ranges must stay within the trajectories: fewer always fit better
 _SURE = 25.0  # twice the gain in log likelihood: five sigma
 _HOUR_NS = 3600 * 10**9
 _EPOCH_NS = 10**17  # 1973: times below are since some start
@@ -75,45 +77,64 @@ def check_overlap(log: Span, poses: Span) -> Finding | None:
 def check_clock(samples: PairSamples, trajectories: Mapping[str, Trajectory]) -> tuple[Finding | None, float]:
     """Whether some shift of the log's stamps makes the ranges fit the paths better, and that shift in seconds (or 0).
 
-    The fit without refinement is made at each shift within half a minute, coarse and then fine.
+    The fit is followed from the stamps as they are, half a minute both ways, and then finely around the best.
     """
+    chosen = _chosen(samples, trajectories)
+    fit = None if chosen is None else fit_ranges(*_placed(chosen, trajectories, 0.0))
+    if chosen is None or fit is None:
+        return None, 0.0
+    samples = chosen
+    steps = np.arange(0.0, _WITHIN_S + _COARSE_S / 2, _COARSE_S)
+    followed = [*_follow(samples, trajectories, -steps, fit), *_follow(samples, trajectories, steps, fit)]
+    middle_s, middle = min(followed, key=lambda entry: entry[1].rms_m)
+    fine = middle_s + np.arange(-_COARSE_S, _COARSE_S + _FINE_S / 2, _FINE_S)
+    best_s, best = min(_follow(samples, trajectories, fine, middle), key=lambda entry: entry[1].rms_m)
+    now = min((entry[1] for entry in followed if entry[0] == 0), key=lambda found: found.rms_m)
+    gain = 2 * len(samples.ranges_m) * np.log(max(now.rms_m, 1e-6) / max(best.rms_m, 1e-6))
+    pair = samples.robots
+    better = now.rms_m > _BETTER * best.rms_m and now.rms_m - best.rms_m > _LEAST_GAIN_M and gain > _SURE
+    if better and abs(best_s) >= 2 * _FINE_S:
+        text = f"with stamps {best_s:+.2f} s the ranges fit the paths to {best.rms_m:.2g} m, not {now.rms_m:.2g} m"
+        return Finding("clock", "suspect", text, pair, {"time_offset": round(best_s, 2)}), best_s
+    if max(entry[1].rms_m for entry in followed) > 2 * now.rms_m:
+        text = f"no shift of the stamps within {_WITHIN_S:.0f} s fits better ({now.rms_m:.2g} m as they are)"
+        return Finding("clock", "good", text, pair), 0.0
+    return Finding("clock", "note", "the paths are too even to tell the clock's offset from the ranges", pair), 0.0
+
+
+def _chosen(samples: PairSamples, trajectories: Mapping[str, Trajectory]) -> PairSamples | None:
+    """Ranges that stay within the trajectories while the clock is moved, where there are enough; not too many."""
     samples = samples.select(np.isfinite(samples.ranges_m))
-    margin_ns = round((_WITHIN_S + 1) * 1e9)
+    margin_ns = round(_WITHIN_S * 1e9)
     inside = samples.covered(trajectories, -margin_ns) & samples.covered(trajectories, margin_ns)
     if inside.sum() < 3 * FEWEST:  # a short log: shifts are tried as far as most of it stays inside
         inside = samples.covered(trajectories)
     if inside.sum() < 3 * FEWEST:
-        return None, 0.0
+        return None
     indices = np.flatnonzero(inside)
-    samples = samples.select(indices[np.unique(np.linspace(0, len(indices) - 1, _MOST).astype(np.int64))])
-    coarse = np.arange(-_WITHIN_S, _WITHIN_S + _COARSE_S / 2, _COARSE_S)
-    rough = _rms_at(samples, trajectories, coarse)
-    middle = coarse[int(np.nanargmin(rough))]
-    fine = middle + np.arange(-_COARSE_S, _COARSE_S + _FINE_S / 2, _FINE_S)
-    close = _rms_at(samples, trajectories, fine)
-    best_s, best_m = float(fine[int(np.nanargmin(close))]), float(np.nanmin(close))
-    now_m = float(_rms_at(samples, trajectories, np.zeros(1))[0])
-    gain = 2 * len(samples.ranges_m) * np.log(max(now_m / max(best_m, 1e-6), 1e-6))
-    pair = samples.robots
-    if now_m > _BETTER * best_m and gain > _SURE and abs(best_s) >= 2 * _FINE_S:
-        text = f"with stamps {best_s:+.2f} s the ranges fit the paths to {best_m:.2g} m instead of {now_m:.2g} m"
-        return Finding("clock", "suspect", text, pair, {"time_offset": round(best_s, 2)}), best_s
-    worse = np.nanmax(rough)
-    if worse > 2 * now_m:
-        return Finding("clock", "good", f"no shift of the stamps fits better ({now_m:.2g} m as they are)", pair), 0.0
-    return Finding("clock", "note", "the paths are too even to tell the clock's offset from the ranges", pair), 0.0
+    return samples.select(indices[np.unique(np.linspace(0, len(indices) - 1, _MOST).astype(np.int64))])
 
 
-def _rms_at(samples: PairSamples, trajectories: Mapping[str, Trajectory], shifts_s: FloatArray) -> FloatArray:
-    """Best fit at each shift, metres; NaN where less than half of the ranges lie within the trajectories."""
-    found = np.full(len(shifts_s), np.nan)
-    for number, shift_s in enumerate(shifts_s):
-        shift_ns = round(float(shift_s) * 1e9)
-        inside = samples.covered(trajectories, shift_ns)
-        if inside.sum() >= max(FEWEST, len(inside) // 2):
-            chosen = samples.select(inside)
-            found[number] = best_rms_m(*chosen.antennas(trajectories, shift_ns), chosen.ranges_m)
+def _follow(
+    samples: PairSamples, trajectories: Mapping[str, Trajectory], shifts_s: FloatArray, start: RangeFit
+) -> list[tuple[float, RangeFit]]:
+    """The fit at each shift, each begun at the one before; shifts that leave too few ranges inside are left out."""
+    found: list[tuple[float, RangeFit]] = []
+    for shift_s in shifts_s:
+        a, b, ranges = _placed(samples, trajectories, float(shift_s))
+        if len(ranges) >= max(FEWEST, _INSIDE * len(samples.ranges_m)):
+            start = refit(a, b, ranges, start)
+            found.append((float(shift_s), start))
     return found
+
+
+def _placed(
+    samples: PairSamples, trajectories: Mapping[str, Trajectory], shift_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Antennas and ranges with the stamps moved, of those that lie within both trajectories then."""
+    shift_ns = round(shift_s * 1e9)
+    inside = samples.select(samples.covered(trajectories, shift_ns))
+    return *inside.antennas(trajectories, shift_ns), inside.ranges_m
 
 
 def _span(span: Span) -> str:

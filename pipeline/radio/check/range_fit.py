@@ -6,7 +6,7 @@ With yaw known, squared ranges are linear in the translation, its square and the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -29,6 +29,7 @@ class RangeFit:
         scale: metres of one unit of the ranges.
         scale_error: its relative standard deviation by the residuals; NaN where the scale was given.
         rms_m: root of the mean square of the residuals, the worst tenth left out.
+        typical_m: median of the ranges, scaled.
         count: ranges fitted.
     """
 
@@ -37,6 +38,7 @@ class RangeFit:
     scale: float
     scale_error: float
     rms_m: float
+    typical_m: float
     count: int
 
     def residuals_m(self, a: FloatArray, b: FloatArray, ranges: FloatArray) -> FloatArray:
@@ -61,13 +63,13 @@ def fit_ranges(a: FloatArray, b: FloatArray, ranges: FloatArray, scale: float | 
     fits = [_refined(near_a, near_b, ranges, start, scale) for _, start in starts[:_REFINED]]
     best = min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
     translation = best.translation + centre_a - _turned(centre_b[None], best.yaw)[0]
-    return RangeFit(best.yaw, translation, best.scale, best.scale_error, best.rms_m, best.count)
+    return replace(best, translation=translation)
 
 
-def best_rms_m(a: FloatArray, b: FloatArray, ranges: FloatArray) -> float:
-    """How well the ranges fit at most, metres, without refinement: quick, to compare many clocks."""
-    near_a, near_b = a - a.mean(axis=0), b - b.mean(axis=0)
-    return min(_linear(near_a, near_b, ranges, yaw, 1.0)[0] for yaw in _yaws())
+def refit(a: FloatArray, b: FloatArray, ranges: FloatArray, near: RangeFit) -> RangeFit:
+    """A fit in metres that starts at one of nearly the same data: quick, to follow it while a clock is moved."""
+    start = np.concatenate([[near.yaw], near.translation, [0.0]])
+    return _refined(a, b, ranges, start, 1.0)
 
 
 def _yaws() -> FloatArray:
@@ -116,7 +118,16 @@ def _refined(a: FloatArray, b: FloatArray, ranges: FloatArray, start: FloatArray
         J = np.asarray(result.jac, float)
         information = J.T @ J
         error = float(np.sqrt(max(np.linalg.pinv(information, hermitian=True)[4, 4], 0.0)) * rms)
-    return RangeFit(float(result.x[0]), result.x[1:4], found, error, rms * found if free else rms, len(ranges))
+    rms_m = rms * found if free else rms
+    return RangeFit(
+        yaw=float(result.x[0]),
+        translation=result.x[1:4],
+        scale=found,
+        scale_error=error,
+        rms_m=rms_m,
+        typical_m=found * float(np.median(ranges)),
+        count=len(ranges),
+    )
 
 
 def _trimmed_rms(residual: FloatArray) -> float:

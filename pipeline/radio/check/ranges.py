@@ -17,6 +17,7 @@ _MOST = 400  # ranges of a pair that are fitted
 _LEAST_TRAVEL_M = 1.0  # between two ranges that are held against each other
 _TOO_LONG = 1.5  # times what the robots travelled: more than noise and drift
 _NEAR = 1.25  # a factor within this of a unit's is that unit's
+_SIGMAS = 4.0  # by which a scale must be off to be another unit's, where no step is too long
 _SURE = 0.15  # relative standard deviation of a scale that tells units apart
 
 
@@ -28,8 +29,10 @@ class RangeCheck:
     fit: RangeFit | None = None
 
 
-def check_ranges(samples: PairSamples, trajectories: Mapping[str, Trajectory], shift_ns: int = 0) -> RangeCheck:
-    """Units, steps, fit and noise of one pair, the stamps moved by `shift_ns`."""
+def check_ranges(
+    samples: PairSamples, trajectories: Mapping[str, Trajectory], shift_ns: int = 0, unit: LengthUnit = "m"
+) -> RangeCheck:
+    """Units, steps, fit and noise of one pair, the stamps moved by `shift_ns`; `unit` is what the log was read in."""
     samples = samples.select(np.isfinite(samples.ranges_m) & samples.covered(trajectories, shift_ns))
     if len(samples.ranges_m) < 2:
         return RangeCheck(())
@@ -37,11 +40,11 @@ def check_ranges(samples: PairSamples, trajectories: Mapping[str, Trajectory], s
     ratio, steps = step_ratio(a, b, samples.ranges_m)
     thinned = _thinned(len(a))
     free = fit_ranges(a[thinned], b[thinned], samples.ranges_m[thinned], None)
-    unit = _unit_finding(samples.robots, ratio, steps, free)
-    if unit is not None and unit.level == "suspect":
-        return RangeCheck((unit,))
+    told = _unit_finding(samples.robots, ratio, steps, free, unit)
+    if told.level == "suspect":
+        return RangeCheck((told,))
     fixed = fit_ranges(a[thinned], b[thinned], samples.ranges_m[thinned])
-    findings = [] if unit is None else [unit]
+    findings = [told]
     findings += _steps_finding(samples, a, b) + _fit_findings(samples, a, b, fixed, free)
     return RangeCheck(tuple(findings), fixed)
 
@@ -64,40 +67,40 @@ def step_ratio(a: FloatArray, b: FloatArray, ranges: FloatArray) -> tuple[float,
     return (float(np.quantile(ratios, 0.95)), int(moved.sum())) if moved.any() else (float("nan"), 0)
 
 
-def _unit_finding(pair: tuple[str, str], ratio: float, steps: int, free: RangeFit | None) -> Finding | None:
+def _unit_finding(
+    pair: tuple[str, str], ratio: float, steps: int, free: RangeFit | None, read_as: LengthUnit
+) -> Finding:
     """Which unit the ranges seem to have, by the fitted scale, and by steps that are too long."""
-    told = free is not None and free.scale_error < _SURE and free.rms_m < 0.25 * free.scale * _typical(free)
-    by_fit: LengthUnit | None = None
-    if told and free is not None:
-        unit, factor = min(METRES.items(), key=lambda item: abs(np.log(item[1] / free.scale)))
-        by_fit = unit if abs(np.log(factor / free.scale)) < np.log(_NEAR) else None
     too_long = steps >= FEWEST and ratio > _TOO_LONG
-    if by_fit not in {None, "m"} and free is not None and (too_long or free.scale_error < _SURE / 3):
-        text = (
-            f"one unit of the ranges is {free.scale:.4g} m by the shape of both paths"
-            f" (± {100 * free.scale_error:.1g} %), as {by_fit} are"
-        )
-        text += f"; they change up to {ratio:.3g} times as much as both robots travelled" if too_long else ""
-        return Finding("unit", "suspect", text, pair, {"unit": by_fit})
+    if free is not None and free.scale_error < _SURE and free.rms_m < 0.25 * free.typical_m:
+        by_fit = _unit_of(METRES[read_as] * free.scale)
+        told = f"one {read_as} of the log is {free.scale * METRES[read_as]:.4g} m by the shape of both paths"
+        told += f" (± {100 * free.scale_error:.1g} %)"
+        if by_fit == read_as:
+            return Finding("unit", "good", told, pair)
+        if by_fit is not None and (too_long or abs(np.log(free.scale)) > _SIGMAS * free.scale_error):
+            told += f", as {by_fit} are"
+            told += f"; ranges change up to {ratio:.3g} times as much as both robots travelled" if too_long else ""
+            return Finding("unit", "suspect", told, pair, {"unit": by_fit})
+        if not too_long:
+            return Finding("unit", "note", f"{told}, which no unit explains", pair)
     if too_long:
-        possible = [unit for unit, factor in METRES.items() if factor * ratio <= _TOO_LONG]
-        best = max(possible, key=lambda unit: METRES[unit])
+        longest_m = METRES[read_as] / ratio
+        possible = [unit for unit, factor in METRES.items() if longest_m / 20 < factor <= _TOO_LONG * longest_m]
         text = (
             f"ranges change {ratio:.3g} times as much as both robots travelled (95 % of {steps} steps of"
-            f" {_LEAST_TRAVEL_M:g} m are below that); a unit of at most {1 / ratio:.2g} m fits"
+            f" {_LEAST_TRAVEL_M:g} m stay below that); a unit of at most {longest_m:.2g} m fits"
         )
-        known = {"unit": best} if METRES[best] * ratio > 0.05 else {}
-        return Finding("unit", "suspect", text, pair, known)
-    if told and free is not None and by_fit == "m":
-        text = f"metres: one unit is {free.scale:.3f} m by the shape of both paths (± {100 * free.scale_error:.1g} %)"
-        return Finding("unit", "good", text, pair)
+        best = max(possible, key=lambda unit: METRES[unit], default=None)
+        return Finding("unit", "suspect", text, pair, {} if best is None else {"unit": best})
     if steps < FEWEST:
         return Finding("motion", "note", "the robots moved too little to tell the unit of the ranges", pair)
-    return Finding("unit", "note", "no range changes faster than the robots moved; more is not told by the data", pair)
+    return Finding("unit", "note", "no range changes faster than the robots moved; more the data do not tell", pair)
 
 
-def _typical(fit: RangeFit) -> float:
-    return max(float(np.linalg.norm(fit.translation)) / max(fit.scale, 1e-9), 1.0)
+def _unit_of(length_m: float) -> LengthUnit | None:
+    unit, factor = min(METRES.items(), key=lambda item: abs(np.log(item[1] / length_m)))
+    return unit if abs(np.log(factor / length_m)) < np.log(_NEAR) else None
 
 
 def _steps_finding(samples: PairSamples, a: FloatArray, b: FloatArray) -> list[Finding]:
