@@ -21,7 +21,7 @@ from wiclosure.pipeline.radio.rows import Row
 from wiclosure.pipeline.radio.source import Kind, RadioSource
 from wiclosure.pipeline.radio.tables import line_rows, opened, table_rows
 from wiclosure.pipeline.radio.tag_names import TagNames
-from wiclosure.pipeline.radio.topics import topic_rows
+from wiclosure.pipeline.radio.topics import topic_rows, with_message_preset
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
@@ -129,6 +129,7 @@ def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> Rad
     if source.topic is None:
         log = _renamed(read_wireless_topics(path, salvage=salvage), source, known)
         return RadioReading(log, None, "topics", tuple(unused_radio(path, (), salvage=salvage)))
+    source = with_message_preset(path, source, salvage=salvage)
     rows = topic_rows(path, source, salvage=salvage)
     log, account = _interpreted(rows, source, known)
     return RadioReading(log, account, "topics", tuple(unused_radio(path, (source.topic,), salvage=salvage)))

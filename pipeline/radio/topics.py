@@ -27,13 +27,18 @@ def topic_rows(path: Path, source: RadioSource, *, salvage: bool = False) -> Ite
     """
     with open_bag(path, salvage=salvage) as bag:
         for topic, ids in _topics(bag, source):
-            fields = with_message_preset(source, topic.msgtype)
-            paths = _paths(fields, f"{bag.path}, topic {topic.name} ({topic.msgtype})")
-            yield from _rows(bag, topic, fields, paths, ids)
+            paths = _paths(source, f"{bag.path}, topic {topic.name} ({topic.msgtype})")
+            yield from _rows(bag, topic, source, paths, ids)
 
 
-def with_message_preset(source: RadioSource, msgtype: str) -> RadioSource:
-    """The source, with what is known of a message type where it says nothing itself."""
+def with_message_preset(path: Path, source: RadioSource, *, salvage: bool = False) -> RadioSource:
+    """The source, with what is known of its messages' type where it says nothing itself.
+
+    Raises:
+        InputError: the bag cannot be read, or has no such topic.
+    """
+    with open_bag(path, salvage=salvage) as bag:
+        msgtype = _topics(bag, source)[0][0].msgtype
     preset = preset_of_message(msgtype)
     if preset is None or source.range_ or source.azimuth or source.x:
         return source

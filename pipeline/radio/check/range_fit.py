@@ -113,11 +113,7 @@ def _refined(a: FloatArray, b: FloatArray, ranges: FloatArray, start: FloatArray
     result = least_squares(residual, start if free else start[:4], loss="soft_l1", f_scale=noise, max_nfev=60)
     found = float(np.exp(result.x[4])) if free else float(scale or 1.0)
     rms = _trimmed_rms(residual(result.x))
-    error = np.nan
-    if free:
-        J = np.asarray(result.jac, float)
-        information = J.T @ J
-        error = float(np.sqrt(max(np.linalg.pinv(information, hermitian=True)[4, 4], 0.0)) * rms)
+    error = _last_error(np.asarray(result.jac, float), rms) if free else np.nan
     rms_m = rms * found if free else rms
     return RangeFit(
         yaw=float(result.x[0]),
@@ -128,6 +124,14 @@ def _refined(a: FloatArray, b: FloatArray, ranges: FloatArray, start: FloatArray
         typical_m=found * float(np.median(ranges)),
         count=len(ranges),
     )
+
+
+def _last_error(J: FloatArray, rms: float) -> float:
+    """Standard deviation of the last number of a fit, the others free; infinite where they can stand in for it."""
+    others, last = J[:, :-1], J[:, -1]
+    alone = last - others @ np.linalg.lstsq(others, last, rcond=1e-9)[0]
+    own = float(np.linalg.norm(alone))
+    return rms / own if own > 1e-6 * max(float(np.linalg.norm(last)), 1e-12) else float("inf")
 
 
 def _trimmed_rms(residual: FloatArray) -> float:

@@ -127,9 +127,13 @@ def _fit_findings(
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     stated = float(np.median(samples.sigmas_m))
     text = f"{fixed.count} ranges fit the paths to {fixed.rms_m:.2g} m (stated sigma {stated:.2g} m)"
-    if fixed.rms_m > max(5 * stated, 0.2 * float(np.std(samples.ranges_m)) + 3 * stated):
+    shape_m = float(np.std(samples.ranges_m))
+    if fixed.rms_m > 5 * stated + 0.1 * shape_m:
         text += "; no placement of the two paths agrees with them: wrong robots, a wrong clock, or much drift"
         return [Finding("fit", "suspect", text, samples.robots)]
+    if fixed.rms_m > 5 * stated:
+        text += "; more than the noise: reflections, or drift of the odometry"
+        return [Finding("fit", "note", text, samples.robots)]
     found = [Finding("fit", "good", text, samples.robots)]
     if not stated / 3 < spread < stated * 3 and len(residual) >= 3 * FEWEST:
         advice = float(f"{max(spread, 0.01):.1g}")

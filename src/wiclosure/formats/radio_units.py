@@ -53,7 +53,7 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
         return _date_ns(str(value))
     if not number.is_finite():
         raise ValueError(f"{value!r} is no time")
-    if abs(number) > _LATEST_NS:
+    if number.adjusted() > 19 or abs(number) > _LATEST_NS:
         raise ValueError(f"{str(value)[:40]!r} does not fit 64 bits of nanoseconds")
     scaled = round(number * NANOSECONDS[stamp_unit_of(number) if unit == "auto" else unit])
     if abs(scaled) > _LATEST_NS:
