@@ -35,7 +35,7 @@ class FrontEndCounts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryResult:
-    """Where one robot went, and the clouds that it kept of its way.
+    """The path of one robot, and the clouds of its keyframes.
 
     Args:
         stamps_ns: `(N,)` of every usable scan.
@@ -144,19 +144,19 @@ class FrontEndResult:
     seconds_descriptors: float
 
     @classmethod
-    def of(cls, robot: str, drift: DriftModel, went: OdometryResult, described: Descriptors) -> Self:
+    def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:
         """Puts together what the stages found."""
-        odometry = Trajectory(robot, went.stamps_ns, went.poses, drift)
+        odometry = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
         return cls(
             robot=robot,
             odometry=odometry,
-            keyframe_indices=went.keyframe_indices,
-            keyframes=odometry.keyframes(went.keyframe_indices),
-            clouds=went.clouds,
+            keyframe_indices=followed.keyframe_indices,
+            keyframes=odometry.keyframes(followed.keyframe_indices),
+            clouds=followed.clouds,
             descriptors=described.images,
-            counts=went.counts,
-            seconds_reading=went.seconds_reading,
-            seconds_odometry=went.seconds,
+            counts=followed.counts,
+            seconds_reading=followed.seconds_reading,
+            seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
         )
 

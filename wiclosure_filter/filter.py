@@ -14,8 +14,10 @@ from wiclosure.types import (
     ClosureCheck,
     FilterResult,
     FrameAlignment,
+    PredictionKind,
     Trajectory,
     WirelessLog,
+    require_own_names,
     robot_pairs,
 )
 from wiclosure.wiclosure_filter.alignment.align import align
@@ -47,9 +49,11 @@ class WiClosureFilter:
         """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
 
         Raises:
-            InputError: robots cannot be joined and `on_ambiguous` is `raise`; or more pairs pass than can be listed.
+            InputError: robots cannot be joined and `on_ambiguous` is `raise`; more pairs pass than can be listed; or a
+                trajectory stands under another robot's name.
         """
         start = perf_counter()
+        require_own_names(trajectories)
         # 1. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
         alignments = self.align(trajectories, wireless)
         # 2. One estimate of all trajectories, with the uncertainty of any two poses.
@@ -162,20 +166,19 @@ class WiClosureFilter:
             alignment = by_pair.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept)}")
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept, alignment)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
 
-    def _passed(self, kept: CandidatePairs) -> str:
+    def _passed(self, kept: CandidatePairs, alignment: FrameAlignment | None) -> str:
         """What became of the pairs of robots that nothing joins for certain."""
         if self.settings.on_ambiguous == "reject":
             return "every pair is rejected"
-        if isinstance(kept.predictor, RivalEstimates):
-            return (
-                f"{len(kept)} pairs possible under one of {len(kept.predictor.estimates)} likely alignments are passed"
-            )
-        known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
+        if alignment is not None and kept.predicts is PredictionKind.POSE:
+            likely = 1 + len(alignment.rivals)
+            return f"{len(kept)} pairs possible under one of {likely} likely alignments are passed"
+        known = "" if kept.predicts is None else ", with the relative heading that compasses tell"
         return f"every pair is passed{known}"
 
 

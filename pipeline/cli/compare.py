@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 @grouped
-def compare(
+def compare_command(
     data: Data,
     *,
-    filters: Annotated[str, typer.Option("--filters", help="comma-separated names; the first is the base")] = (
-        "none,wiclosure"
-    ),
+    filters: Annotated[
+        str, typer.Option("--filters", help="comma-separated names; the others are compared with the first")
+    ] = ("none,wiclosure"),
     presets: Annotated[
         str | None,
         typer.Option(
@@ -32,7 +32,10 @@ def compare(
         ),
     ] = None,
     seeds: Annotated[
-        int, typer.Option("--seeds", min=1, help="so many worlds of a scenario, or draws of the random filter")
+        int,
+        typer.Option(
+            "--seeds", min=1, help="number of worlds of a scenario, or of draws of the random filter over recordings"
+        ),
     ] = 1,
     result: Result,
     configuration: Configuration,
@@ -60,7 +63,7 @@ def compare(
 @grouped
 def demo(
     result: Result,
-    seed: Annotated[int, typer.Option("--seed", help="another world")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="each seed gives another world")] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""

@@ -24,7 +24,7 @@ Item = TypeVar("Item")
 
 
 class BarProgress:
-    """One bar for each piece of work, on standard error; plain silence where that is not a terminal."""
+    """One bar for each piece of work, on standard error; nothing where that is not a terminal."""
 
     def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
         """The same items, with a bar."""
@@ -33,7 +33,7 @@ class BarProgress:
 
     @contextmanager
     def together(self, totals: Mapping[str, int], label: str) -> Iterator[Callable[[str, int], None]]:
-        """One bar a piece, with items a second."""
+        """One bar per piece, with items per second."""
         with _bars() as bars:
             tasks = {name: bars.add_task(f"{label} {name}", total=total or None) for name, total in totals.items()}
 
@@ -44,7 +44,7 @@ class BarProgress:
 
 
 class _Speed(ProgressColumn):
-    """Items a second, over the whole time."""
+    """Items per second, over the whole time."""
 
     def render(self, task: Task) -> Text:
         speed = task.completed / task.elapsed if task.elapsed else 0.0

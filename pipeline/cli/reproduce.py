@@ -15,13 +15,13 @@ from wiclosure.pipeline.cli.options import Result, Set, Working, grouped
 def reproduce(
     experiment: Annotated[str, typer.Argument(help="shell-space (Table II) or kitti08 (Table I)")],
     *,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="so many worlds")] = 1,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="of the first world")] = 0,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="number of worlds")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="seed of the first world")] = 0,
     poses: Annotated[
         Path | None, typer.Option("--poses", help="KITTI poses of sequence 08 (kitti08)", show_default=False)
     ] = None,
     n_scans: Annotated[
-        int | None, typer.Option("-n", "--n-scans", min=1, help="read only so many scans of each robot")
+        int | None, typer.Option("-n", "--n-scans", min=1, help="read at most this many scans of each robot")
     ] = None,
     set_: Set = None,
     result: Result,

@@ -79,15 +79,20 @@ def run(
 def filter_(
     trajectory: Annotated[
         list[str],
-        typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
+        typer.Option(
+            "--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM file); one for each robot"
+        ),
     ],
     wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)
+    ] = None,
     summary: Annotated[
-        Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)
+        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="folder for pictures of what the filter did", show_default=False)
+        Path | None,
+        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
     ] = None,
     filter_name: FilterName = None,
     config: ConfigName = None,
@@ -121,11 +126,11 @@ def filter_(
         Console().print(filter_table(result))
 
 
-def evaluate(
+def eval_command(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
     as_json: Json = False,
 ) -> None:
-    """Compare a finished run with ground truth again: joint ATE, ATE a robot, RPE, inter-robot transforms."""
+    """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
     from rich.console import Console
 
     from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories

@@ -99,7 +99,10 @@ def report(experiment: Experiment, comparison: Comparison, n_scans: int | None =
         f"World: scenario `{experiment.scenario}`, seeds {seeds}. Medians over the seeds, [smallest, largest]; seconds"
         " are uncached: what each arm costs alone from raw scans, on this machine. The paper's figures are of its own"
         " robots and machine: compare its totals with each other." + part_only,
-        *(f"## Back end {preset}\n\n{markdown(*of)}" for preset, of in tables(experiment, comparison).items()),
+        *(
+            f"## Back end {preset}\n\n{markdown(header, rows)}"
+            for preset, (header, rows) in tables(experiment, comparison).items()
+        ),
         "*Closing time* is search (filter and scan context), verification and optimisation. The oracle knows the true"
         " poses: a perfect filter. Odometry alone: each robot aligned on its own, what drift leaves.",
         "## What fails\n\nA run fails where its robots are not all connected, or its ATE is more than"

@@ -1,4 +1,4 @@
-"""A comparison in tables: every run as CSV, every run and what they say together as JSON, the latter as Markdown."""
+"""A comparison in tables: all runs as CSV, runs and figures over the seeds as JSON, the latter as Markdown too."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """Arms with medians and spread, arms against the base, and seconds a stage."""
+    """Arms with medians and spread, arms against the base, and seconds per stage."""
     arms = summaries(comparison)
     repeated = max(arm.runs for arm in arms) > 1
     parts = [
@@ -79,14 +79,14 @@ def comparison_markdown(comparison: Comparison) -> str:
         *comparison.plan.remarks,
         markdown(*arm_rows(arms)),
         *(["## Against the base arm, seed by seed", markdown(*_against(arms))] if repeated else []),
-        "## Seconds a stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
+        "## Seconds per stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
         markdown(*_stages(arms)),
     ]
     return "\n\n".join(parts) + "\n"
 
 
 def arm_rows(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: median and spread of each of these figures, one row an arm."""
+    """Header and rows: median and spread of each of these figures, one row per arm."""
     header = ["arm", "runs", *(FIGURES[key].label for key in keys), "saving, %"]
     rows = []
     for arm in arms:

@@ -13,7 +13,7 @@ from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, read_dataset_file
 from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
-from wiclosure.pipeline.data.recorded_odometry import recorded_odometry
+from wiclosure.pipeline.data.odometry_reader import read_recorded_odometry
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
@@ -104,7 +104,7 @@ class Dataset:
         """
         recording = self.robots[robot]
         try:
-            trajectory = recorded_odometry(robot, recording, salvage=salvage)
+            trajectory = read_recorded_odometry(robot, recording, salvage=salvage)
         except InputError as error:
             raise InputError(f"robot {robot}: {error}") from error
         if trajectory is None:

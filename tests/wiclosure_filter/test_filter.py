@@ -231,7 +231,7 @@ def test_measurements_outside_the_time_are_counted(odometry: dict[str, Trajector
 
 @pytest.mark.parametrize("size", [1, 2])
 def test_tiny_trajectories(size: int) -> None:
-    team = {name: Trajectory(name, np.arange(size, dtype=np.int64), np.tile(np.eye(4), (size, 1, 1))) for name in "ab"}
+    team = {name: Trajectory(name, np.arange(size) * 10**9, np.tile(np.eye(4), (size, 1, 1))) for name in "ab"}
     heard = WirelessMeasurement(0, "a", "b", range_m=5.0, range_sigma_m=0.5, paths=(AoaPath(0.0, 0.1),))
     result = WiClosureFilter().candidates(team, WirelessLog((heard,) * 3))
     assert result.pairs_total == size**2

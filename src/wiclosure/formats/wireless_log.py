@@ -55,7 +55,7 @@ def read_wireless_log(path: Path | str) -> WirelessLog:
                 degrees.check(line_number, [headings[-1].heading])
             else:
                 measurements.append(_measurement(record))
-                degrees.check(line_number, _angles(measurements[-1].paths))
+                degrees.check(line_number, _angles(record))
         except InputError as error:
             raise InputError(f"{path}, line {line_number}: {error}") from error
     degrees.warn(path)
@@ -174,8 +174,11 @@ def _path(entry: object) -> AoaPath:
         raise InputError(f'a path is {_shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
     _check_keys(entry, "path")
     weight = _optional(entry, "weight", _number)
+    azimuth = _number(entry, "azimuth")
+    if abs(azimuth) > _LARGEST_ANGLE_RAD:  # warned of, not refused: it may be radians over several turns
+        azimuth = math.remainder(azimuth, 2 * math.pi)
     return AoaPath(
-        azimuth=_number(entry, "azimuth"),
+        azimuth=azimuth,
         sigma=_number(entry, "sigma"),
         weight=1.0 if weight is None else weight,
         elevation=_optional(entry, "elevation", _number),
@@ -254,10 +257,11 @@ class _Degrees:
             )
 
 
-def _angles(paths: tuple[AoaPath, ...]) -> Iterator[float]:
-    for path in paths:
-        yield path.azimuth
-        yield path.sigma
+def _angles(record: _Record) -> Iterator[float]:
+    """Azimuths and sigmas as they stand in a measurement's record."""
+    for path in record.get("paths") or ():
+        yield float(path["azimuth"])
+        yield float(path["sigma"])
 
 
 # ------------------------------------------------------------------------------------------------------------- writing

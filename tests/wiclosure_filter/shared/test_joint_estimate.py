@@ -291,7 +291,7 @@ def test_headings_narrow_the_yaw() -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 500])
 def test_nodes_cover_the_trajectory(size: int) -> None:
-    trajectory = Trajectory("alpha", np.arange(size, dtype=np.int64), winding_road(8, size, 20.0), DRIFT)
+    trajectory = Trajectory("alpha", np.arange(size, dtype=np.int64) * 10**9, winding_road(8, size, 20.0), DRIFT)
     links = np.unique(np.linspace(0, size - 1, 7).astype(int))
     nodes = GraphNodes.along(trajectory, links, trajectory.positions[links] + 0.1, SharedTrajectorySettings())
     assert (np.diff(nodes.keyframe) >= 0).all()
@@ -306,7 +306,7 @@ def test_nodes_cover_the_trajectory(size: int) -> None:
 
 
 def test_steps_between_nodes_follow_the_drift_model() -> None:
-    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64), winding_road(9, 300), DRIFT)
+    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64) * 10**9, winding_road(9, 300), DRIFT)
     nodes = GraphNodes.along(trajectory, np.zeros(0, np.int64), np.zeros((0, 3)), SharedTrajectorySettings())
     _, covariance = nodes.steps()
     i, j = nodes.keyframe[:-1], nodes.keyframe[1:]
@@ -324,7 +324,7 @@ def test_walk_that_replaces_a_bias_is_nowhere_smaller() -> None:
         translation_bias=0.005,
         rotation_bias=5e-5,
     )
-    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64), winding_road(10, 300), biased)
+    trajectory = Trajectory("alpha", np.arange(300, dtype=np.int64) * 10**9, winding_road(10, 300), biased)
     walk = without_bias(biased, float(trajectory.distance[-1]))
     assert walk.translation_bias == walk.rotation_bias == 0
     zero, j = np.zeros(299, np.int64), np.arange(1, 300)

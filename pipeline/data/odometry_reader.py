@@ -1,4 +1,4 @@
-"""A robot's own odometry, from a TUM file or a topic of its bag."""
+"""Reads the odometry that a robot brings along, from a TUM file or a topic of its bag."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wiclosure.pipeline.sources.odometry_topic import read_odometry_topic
 from wiclosure.types import Trajectory
 
 
-def recorded_odometry(robot: str, recording: RobotRecording, *, salvage: bool = False) -> Trajectory | None:
+def read_recorded_odometry(robot: str, recording: RobotRecording, *, salvage: bool = False) -> Trajectory | None:
     """`T_odom_lidar` in the robot's own clock, or None where it brings none.
 
     Raises:
