@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -76,7 +77,25 @@ def run(
         show_map(folder / "map.ply")
 
 
-def filter_(
+@dataclass(frozen=True, slots=True)
+class FilterFiles:
+    """What `wiclosure filter` writes."""
+
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)] = (
+        None
+    )
+    summary: Annotated[
+        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
+    ] = None
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@grouped
+def filter_command(
     trajectory: Annotated[
         list[str],
         typer.Option(
@@ -84,20 +103,11 @@ def filter_(
         ),
     ],
     wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)
-    ] = None,
-    summary: Annotated[
-        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
-    ] = None,
+    files: FilterFiles,
+    *,
     filter_name: FilterName = None,
     config: ConfigName = None,
     set_: Set = None,
-    overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -117,7 +127,7 @@ def filter_(
     from wiclosure.pipeline.stages import filtering
 
     settings = resolve(config, set_, use_filter=filter_name)
-    outputs = filtering.Outputs(out, summary, plot, overwrite=overwrite)
+    outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
         result = filtering.filter_candidates(trajectory, sources_of_words(wireless), config=settings, outputs=outputs)
     if as_json:

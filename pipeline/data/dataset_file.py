@@ -8,8 +8,8 @@ wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
 Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
 `sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
-(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` says where the LiDAR is
-in the axes whose way that odometry tells.
+(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` is the pose of the
+LiDAR in the body frame of that odometry.
 """
 
 from __future__ import annotations

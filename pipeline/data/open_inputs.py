@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
+from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.cache import file_identity
 
@@ -25,7 +26,7 @@ def open_inputs(
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
         wireless: radio logs besides those of the data set.
-        limit: read at most so many scans a robot.
+        limit: read at most so many scans per robot.
         salvage: use what can be read of damaged bags.
 
     Raises:
@@ -47,16 +48,7 @@ def open_inputs(
         RobotInput(
             robot=robot,
             scans=dataset.scans(robot, limit=limit, salvage=salvage),
-            identity=[
-                file_identity(recording.scans),
-                recording.topic,
-                recording.time_offset_ns,
-                limit,
-                salvage,
-                None if recording.odometry is None else file_identity(recording.odometry),
-                recording.odometry_topic,
-                recording.lidar_pose,
-            ],
+            identity=_identity(recording, limit, salvage=salvage),
             ground_truth=dataset.ground_truth(robot, salvage=salvage),
             salvaged=salvage,
             odometry=dataset.odometry(robot, salvage=salvage),
@@ -64,3 +56,17 @@ def open_inputs(
         for robot, recording in dataset.robots.items()
     )
     return Inputs(robots, dataset.wireless_log(salvage=salvage))
+
+
+def _identity(recording: RobotRecording, limit: int | None, *, salvage: bool) -> list[object]:
+    """All that the scans and the odometry depend on."""
+    return [
+        file_identity(recording.scans),
+        recording.topic,
+        recording.time_offset_ns,
+        limit,
+        salvage,
+        None if recording.odometry is None else file_identity(recording.odometry),
+        recording.odometry_topic,
+        recording.lidar_pose,
+    ]
