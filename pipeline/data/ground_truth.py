@@ -13,7 +13,7 @@ from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
-from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder, rows_of_scans
+from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder, scan_numbers
 from wiclosure.pipeline.sources.open import guess_loader, open_source
 from wiclosure.types import FloatArray, Trajectory
 
@@ -54,7 +54,7 @@ def kitti_ground_truth(folder: Path, robot: str) -> Trajectory | None:
         return None
     source = KittiSource(folder)
     poses = read_kitti_poses(path)
-    rows = rows_of_scans(source.scan_files, len(poses), path, "poses")
+    rows = scan_numbers(source.scan_files, list(range(len(poses))), len(poses), path, "poses")
     T_camera_lidar = _calibration(folder / "calib.txt")
     T_world_lidar = poses[rows]
     if T_camera_lidar is not None:

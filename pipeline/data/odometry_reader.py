@@ -10,7 +10,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
-from wiclosure.pipeline.sources.odometry_topic import read_odometry_topic
+from wiclosure.pipeline.sources.pose_topics import read_odometry_topic
 from wiclosure.types import Trajectory
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from wiclosure.pipeline.sources.messages.draco import DEFINITION as DRACO_DEFINITION
+from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
 from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
@@ -20,7 +22,7 @@ def typestore(encoding: Encoding) -> Typestore:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
-    for msgtype, definition in DEFINITIONS.items():
+    for msgtype, definition in {**DEFINITIONS, DRACO_TYPE: DRACO_DEFINITION}.items():
         store.register(get_types_from_msg(definition, msgtype))
     return store
 

@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.sources.folder import file_stamps
+from wiclosure.pipeline.sources.file_stamps import stamps_of_names
 from wiclosure.pipeline.sources.info import recording_info
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
@@ -105,7 +105,7 @@ def test_info(kitti: Path) -> None:
     ],
 )
 def test_stamps_by_file_names(names: list[str], stamps_ns: list[int]) -> None:
-    assert file_stamps(names)[0].tolist() == stamps_ns
+    assert stamps_of_names(names).stamps_ns.tolist() == stamps_ns
 
 
 def test_files_are_taken_in_order_of_time(tmp_path: Path, scans: list[Scan]) -> None:
