@@ -6,10 +6,8 @@ robots:
   beta:  {scans: beta_bag/, topic: /points, ground_truth: beta_gt.tum}
 wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
-Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
-`sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
-(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` is the pose of the
-LiDAR in the body frame of that odometry.
+Paths are relative to the file.  `ROBOT_KEYS` says what a robot may have, `RadioSource` what a wireless source may; the
+reference in docs/dataset.md is made of both (`wiclosure.pipeline.data.dataset_reference`).
 """
 
 from __future__ import annotations
@@ -17,6 +15,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -106,20 +105,22 @@ def _load(path: Path) -> object:
 
 def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     where = f"robot {robot}"
-    keys = _mapping(path, where, entry, known=tuple(_VALUES))
+    keys = _mapping(path, where, entry, known=tuple(ROBOT_KEYS))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')
     if keys.get("odometry") is not None and keys.get("odometry_topic") is not None:
         raise InputError(f'{path}: {where} has "odometry" and "odometry_topic"; name one')
-    values = {key: _VALUES[key](path, f'"{key}" of {where}', value) for key, value in keys.items() if value is not None}
+    values = {
+        key: ROBOT_KEYS[key].read(path, f'"{key}" of {where}', value)
+        for key, value in keys.items()
+        if value is not None
+    }
     return RobotRecording(**values)
 
 
 def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise InputError(
-            f"{path}: {what} is {_shown(value)}; expected keys with values, see {DATASET_FILE} in the README"
-        )
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected keys with values, see docs/dataset.md")
     for key in value:
         if known and key not in known:
             hint = did_you_mean(str(key), known)
@@ -159,15 +160,48 @@ def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
     return tuple(float(n) for n in numbers)
 
 
-_VALUES: Mapping[str, Callable[[Path, str, object], Any]] = {
-    "scans": _existing,
-    "topic": _text,
-    "ground_truth": _existing,
-    "time_offset": _seconds,
-    "ranges": _ranges,
-    "odometry": _existing,
-    "odometry_topic": _text,
-    "lidar_pose": _pose,
+@dataclass(frozen=True, slots=True)
+class RobotKey:
+    """One key of a robot's entry.
+
+    Args:
+        read: makes the value of `RobotRecording` of what YAML gives.
+        kind: what is expected, for the reference.
+        meaning: with units, signs and defaults, for the reference.
+    """
+
+    read: Callable[[Path, str, object], Any]
+    kind: str
+    meaning: str
+
+
+ROBOT_KEYS: Mapping[str, RobotKey] = {
+    "scans": RobotKey(_existing, "path", "required: a bag, KITTI folder or folder of clouds"),
+    "topic": RobotKey(_text, "text", "topic of the point clouds; not needed where the bag has only one"),
+    "ground_truth": RobotKey(
+        _existing,
+        "path",
+        "true poses of the body in one world for all robots, TUM (`stamp x y z qx qy qz qw`, seconds, metres), only to"
+        " measure errors; a KITTI folder brings its own",
+    ),
+    "time_offset": RobotKey(
+        _seconds,
+        "seconds",
+        "**added** to every stamp of this robot: scans, odometry, ground truth, and radio that it received; a robot"
+        " whose clock is 0.2 s ahead of the others' takes -0.2; default 0",
+    ),
+    "ranges": RobotKey(
+        _ranges, "topic: robot", "whom it measured on each `sensor_msgs/Range` topic of its bag, as `{/uwb_2: beta}`"
+    ),
+    "odometry": RobotKey(
+        _existing, "path", "its own odometry, TUM, in the place of KISS-ICP's; stamps in the clock of the scans"
+    ),
+    "odometry_topic": RobotKey(_text, "text", "the same as a topic of its bag (`nav_msgs/Odometry`)"),
+    "lidar_pose": RobotKey(
+        _pose,
+        "[x, y, z, qx, qy, qz, qw]",
+        "pose of the LiDAR in the body frame of that odometry, metres; default: they are the same",
+    ),
 }
 
 

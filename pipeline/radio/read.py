@@ -132,7 +132,7 @@ def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> Rad
     source = with_message_preset(path, source, salvage=salvage)
     rows = topic_rows(path, source, salvage=salvage)
     log, account = _interpreted(rows, source, known)
-    return RadioReading(log, account, "topics", tuple(unused_radio(path, [source.topic], salvage=salvage)))
+    return RadioReading(log, account, "topics", tuple(unused_radio(path, [str(source.topic)], salvage=salvage)))
 
 
 def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:

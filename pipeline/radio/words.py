@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
-from wiclosure.errors import ConfigError, InputError
+from wiclosure.errors import InputError
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
+from wiclosure.pipeline.runtime.settings_text import nested_words
 from wiclosure.suggestions import did_you_mean
 
 
@@ -50,27 +50,8 @@ def _of_word(word: str) -> tuple[RadioSource, ...]:
             return sources_of_entries(_yaml(whole), whole.parent, str(whole))
         return (_of_entry(word, Path(), f"--wireless {word}"),)
     path, *settings = word.split(",")
-    nested: dict[str, Any] = {"path": path} if path else {}
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        if not equals:
-            raise ConfigError(f"--wireless {word}: {setting!r} is no setting; expected key=value behind the path")
-        _put(nested, key.strip().split("."), _value(value))
-    return (_of_entry(nested, Path(), f"--wireless {word}"),)
-
-
-def _put(nested: dict[str, Any], names: list[str], value: object) -> None:
-    for name in names[:-1]:
-        inner = nested.setdefault(name, {})
-        nested = inner if isinstance(inner, dict) else nested
-    nested[names[-1]] = value
-
-
-def _value(text: str) -> object:
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError:
-        return text
+    stated = nested_words(settings, f"--wireless {word}:")
+    return (_of_entry({"path": path, **stated} if path else stated, Path(), f"--wireless {word}"),)
 
 
 def _yaml(path: Path) -> object:

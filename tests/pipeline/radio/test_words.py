@@ -44,7 +44,7 @@ def test_a_file_of_sources(log: Path) -> None:
         ("unit=miles", "unit is 'miles'"),
         ("unti=mm", "unknown key 'unti'; did you mean unit"),
         ("preset=milv", "did you mean miluv"),
-        ("range", "'range' is no setting"),
+        ("range", "range: expected key.path=value"),
         ("x=px", "x and y go together"),
         ("range_limits=3", "range_limits"),
         ("robots=3", "robots"),
