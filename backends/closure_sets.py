@@ -163,7 +163,7 @@ def _stacked(
 ) -> ClosureSet:
     chosen = [closures[row] for row in rows]
     query, match = np.array([[c.query.index, c.match.index] for c in chosen], dtype=np.int64).T
-    T, covariance = measured_poses(chosen)
+    T, covariance = (part.astype(float) for part in measured_poses(chosen))
     covariance = covariance + np.diag(np.repeat([noise.rotation_rad**2, noise.translation_m**2], 3))
     turned = query > match if robot_a == robot_b else np.array([c.query.robot != robot_a for c in chosen])
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])

@@ -89,7 +89,7 @@ class KeyframeCollector:
 
 
 def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:
-    """One point a voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
+    """One point per voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
     if len(points) == 0:
         return np.zeros((0, 3), np.float32)
     # One thread: with more, the result differs from run to run.

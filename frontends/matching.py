@@ -117,9 +117,9 @@ def _thinned(
 
 
 def spread_out(index_a: IntArray, index_b: IntArray, cost: FloatArray, width: int, budget: int | None) -> IntArray:
-    """Rows, in order, of pairs that are the best within `width` keyframes of both ways (non-maximum suppression).
+    """Rows, in order, of pairs that are the best within `width` keyframes of both paths (non-maximum suppression).
 
-    One place where two ways run side by side is a diagonal of pairs that all say the same.  Where more than `budget`
+    One place where two paths run side by side is a diagonal of pairs that all say the same.  Where more than `budget`
     remain, the width is doubled until they fit, so that what is left is spread over all places.
     """
     while True:

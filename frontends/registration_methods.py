@@ -86,7 +86,7 @@ class CoarseToFineGicp:
             return f"only {result.evidence.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
         needed = settings.min_agreement_with_prediction if predicted else settings.min_agreement
         if result.evidence.agreement < needed:
-            return f"looked through what the other saw: agreement {result.evidence.agreement:.2f}, {needed:.2f} needed"
+            return f"free-space conflict: agreement {result.evidence.agreement:.2f}, {needed:.2f} needed"
         return ""
 
     def _align(
@@ -125,7 +125,7 @@ class CoarseToFineGicp:
 
 
 class PointToPointIcp:
-    """DiSCo-SLAM's verification: one point-to-point ICP from one start, believed if the mean squared distance is small.
+    """DiSCo-SLAM's registration: one point-to-point ICP from one start, accepted if the mean squared distance is small.
 
     Voxels of 0.4 m, correspondences up to 100 m, 100 iterations; the variance of every axis is the fitness.
     """

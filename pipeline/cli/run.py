@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
+    WIRELESS_HELP,
     ConfigName,
     Configuration,
     Data,
@@ -75,28 +77,37 @@ def run(
         show_map(folder / "map.ply")
 
 
-def filter_(
+@dataclass(frozen=True, slots=True)
+class FilterFiles:
+    """What `wiclosure filter` writes."""
+
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)] = (
+        None
+    )
+    summary: Annotated[
+        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
+    ] = None
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@grouped
+def filter_command(
     trajectory: Annotated[
         list[str],
         typer.Option(
             "--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM file); one for each robot"
         ),
     ],
-    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)
-    ] = None,
-    summary: Annotated[
-        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
-    ] = None,
+    wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
+    files: FilterFiles,
+    *,
     filter_name: FilterName = None,
     config: ConfigName = None,
     set_: Set = None,
-    overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -110,14 +121,15 @@ def filter_(
 
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
     settings = resolve(config, set_, use_filter=filter_name)
-    outputs = filtering.Outputs(out, summary, plot, overwrite=overwrite)
+    outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
-        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)
+        result = filtering.filter_candidates(trajectory, sources_of_words(wireless), config=settings, outputs=outputs)
     if as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not quiet:

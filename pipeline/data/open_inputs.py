@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.data.odometry_reader import near_origin
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.cache import file_identity
 from wiclosure.pipeline.sources.kitti import ELEVATION_CORRECTION_DEG, is_kitti_folder
 from wiclosure.types import FloatArray
@@ -24,7 +24,7 @@ def open_inputs(
     data: Sequence[str],
     *,
     topic: str | None = None,
-    wireless: Sequence[Path] = (),
+    wireless: Sequence[RadioSource] = (),
     limit: int | None = None,
     salvage: bool = False,
 ) -> Inputs:
@@ -33,8 +33,8 @@ def open_inputs(
     Args:
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
-        wireless: wireless logs besides those of the data set.
-        limit: read at most so many scans a robot.
+        wireless: radio logs besides those of the data set.
+        limit: read at most so many scans per robot.
         salvage: use what can be read of damaged bags.
 
     Raises:
@@ -65,8 +65,8 @@ def _robot_input(dataset: Dataset, robot: str, *, limit: int | None, salvage: bo
         odometry, origin_m = near_origin(odometry)
         if any(origin_m):
             remarks.append(
-                f"{robot}: its odometry starts at {_text(odometry.positions[0] + origin_m)} m; world and map count from"
-                f" {_text(np.array(origin_m))} m there"
+                f"{robot}: its odometry starts at {_text(odometry.positions[0] + origin_m)} m; it is used relative to"
+                f" {_text(np.array(origin_m))} m, as are the world and the map where it is the first robot's"
             )
     truth = None
     try:

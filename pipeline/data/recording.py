@@ -22,7 +22,7 @@ class RobotRecording:
         odometry: file (TUM, EuRoC) or bag of the robot's own odometry, in the place of KISS-ICP's, or None.
         odometry_topic: its topic, where it is in a bag: the one named, or that of the scans.
         odometry_settings: settings of odometry that are this robot's own, by name.
-        lidar_pose: `x y z qx qy qz qw` of the LiDAR in the axes whose way that odometry tells; None where they are one.
+        lidar_pose: `x y z qx qy qz qw` of the LiDAR in the body frame of that odometry; None: they are the same.
     """
 
     scans: Path

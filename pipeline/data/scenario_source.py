@@ -49,7 +49,7 @@ def scenario_inputs(name: str, settings: ScenarioSettings | None = None, *, limi
     Args:
         name: of the scenario.
         settings: what is chosen about it; for another seed, `settings.model_copy(update={"seed": seed})`.
-        limit: read at most so many scans a robot.
+        limit: read at most so many scans per robot.
 
     Raises:
         ConfigError: unknown scenario or LiDAR, or settings that make no sense.

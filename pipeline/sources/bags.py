@@ -36,6 +36,16 @@ __all__ = ["Bag", "BagTopic", "RawMessage", "open_bag"]
 _SPLIT_JITTER_NS = 10**9  # messages that were under way when a recorder began its next file
 
 
+def topic_names(path: Path, *, salvage: bool = False) -> tuple[str, ...]:
+    """Names of a bag's topics.
+
+    Raises:
+        InputError: see `open_bag`.
+    """
+    with open_bag(path, salvage=salvage) as bag:
+        return tuple(bag.topics)
+
+
 @contextmanager
 def open_bag(path: Path, *, salvage: bool = False) -> Iterator[Bag]:
     """Opens a ROS 1 bag (file, or folder of split files), or a ROS 2 bag (folder with or without metadata, or file).

@@ -27,7 +27,7 @@ def write_closures(
     keyframes: Mapping[str, Trajectory],
     clouds: Mapping[str, Trajectory] | None = None,
 ) -> None:
-    """Writes one row a closure; empty fields are unknown.
+    """Writes one row per closure; empty fields are unknown.
 
     Args:
         path: the file.

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from wiclosure.arrays import FloatArray, IntArray
-from wiclosure.closure import PredictionKind
+from wiclosure.evidence import PredictionKind
 
 
 class RelativePosePredictor(Protocol):

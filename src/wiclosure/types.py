@@ -7,19 +7,15 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs, RelativePosePredictor, robot_pairs
-from wiclosure.closure import (
-    Closure,
-    KeyframeId,
+from wiclosure.closure import Closure, KeyframeId, Stage, measured_poses, survivors
+from wiclosure.evidence import (
     Measured,
     Prediction,
     PredictionKind,
     RegistrationEvidence,
     Residual,
     ScanContextMatch,
-    Stage,
     capped_covariance,
-    measured_poses,
-    survivors,
 )
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan

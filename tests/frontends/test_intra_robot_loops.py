@@ -6,7 +6,7 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.config import IntraRobotLoopSettings
 from wiclosure.frontends.intra_robot_loops import intra_robot_loops
-from wiclosure.types import Trajectory
+from wiclosure.types import PredictionKind, Trajectory
 
 
 def laps(count: int, drift: DriftModel) -> Trajectory:
@@ -28,6 +28,7 @@ def test_a_second_lap_closes_on_the_first_and_neighbours_do_not() -> None:
     }
     predicted = pairs.predicted(np.arange(len(pairs)))
     assert predicted is not None
+    assert pairs.predicts is PredictionKind.POSE
     np.testing.assert_allclose(predicted[0], path.relative_pose(pairs.index_a, pairs.index_b))
 
 

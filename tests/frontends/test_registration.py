@@ -2,12 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.initial_guesses import around_prediction, around_scan_context
-from wiclosure.frontends.prepared_cloud import PreparedCloud, PreparedClouds
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.registration_methods import METHODS
 from wiclosure.types import (
@@ -85,7 +82,7 @@ TRUTH = se3.from_yaw(0.6, np.array([5.0, -2.0, 0.1]))
 
 
 @pytest.mark.parametrize("method", sorted(METHODS))
-def test_every_method_measures_a_true_closure_and_says_why_it_believes_it(method: str) -> None:
+def test_every_method_measures_a_true_closure_and_says_why_it_accepts_it(method: str) -> None:
     registration = Registration(RegistrationSettings(method=method))  # type: ignore[arg-type]  # the registry's keys
     world = street(0)
     start = TRUTH @ se3.from_yaw(0.02, np.array([0.3, 0.2, 0.0]))
@@ -173,7 +170,7 @@ def test_a_pose_with_a_house_where_one_sensor_saw_free_space_is_refused() -> Non
     assert alike.live, alike.reason
     unlike = Registration().verify(proposed((np.eye(4), VAGUE)), without, with_kiosk)
     assert unlike.rejected_at is Stage.REGISTRATION
-    assert unlike.reason.startswith("looked through what the other saw")
+    assert unlike.reason.startswith("free-space conflict")
 
 
 def test_a_cloud_of_bare_ground_is_refused() -> None:
@@ -200,74 +197,3 @@ def test_the_covariance_is_widest_along_a_corridor_in_the_frame_of_the_match() -
     after = Registration().verify(closure, seen_from(np.eye(4), corridor), seen_from(truth, corridor))
     sigma_x, sigma_y, _ = np.sqrt(np.diag(measured(after)[0].covariance)[3:])
     assert sigma_y > 1.02 * sigma_x
-
-
-def test_the_hessian_of_small_gicp_perturbs_on_the_right_rotation_first() -> None:
-    rng = np.random.default_rng(0)
-    points = rng.uniform([-10, -10, 0], [10, 10, 3], (1500, 3))
-    points[rng.random(1500) < 0.5, 2] = 0
-    T_target_source = se3.exp(np.array([0.02, -0.03, 0.5, 3.0, 1.0, 0.2]))
-    target, tree = small_gicp.preprocess_points(points, 0.5)
-    source, _ = small_gicp.preprocess_points(se3.transform(se3.inverse(T_target_source), points), 0.5)
-    found = small_gicp.align(target, source, tree, T_target_source)
-    factor, rejector = small_gicp.GICPFactor(), small_gicp.DistanceRejector()
-    rejector.set_max_distance(1.0)
-
-    def gradient(pose: FloatArray) -> FloatArray:
-        rows = [factor.linearize(target, source, tree, pose, i, rejector) for i in range(source.size())]
-        return np.asarray(sum(b.ravel() for success, _, b, _ in rows if success))
-
-    at_rest = gradient(found.T_target_source)
-    for axis in (3, 4, 5):
-        step = np.zeros(6)
-        step[axis] = 1e-5
-        change = (gradient(found.T_target_source @ se3.exp(step)) - at_rest) / 1e-5
-        np.testing.assert_allclose(change, found.H[:, axis], atol=0.02 * np.abs(found.H[:, axis]).max())
-
-
-def test_a_cloud_is_prepared_once_while_it_is_at_hand() -> None:
-    clouds = PreparedClouds(capacity=2, num_threads=1)
-    points = {i: np.random.default_rng(i).uniform(-5, 5, (500, 3)).astype(np.float32) for i in range(3)}
-    first = clouds.get(KeyframeId("alpha", 0), points[0], (1.0, 0.5))
-    assert clouds.get(KeyframeId("alpha", 0), points[0], (1.0, 0.5)) is first
-    another = clouds.get(KeyframeId("alpha", 0), points[0].copy(), (1.0, 0.5))
-    assert another is not first  # another array under the same name: another run
-    for i in (1, 2):
-        clouds.get(KeyframeId("alpha", i), points[i], (1.0, 0.5))
-    assert clouds.get(KeyframeId("alpha", 0), points[0], (1.0, 0.5)) is not another  # the oldest had to go
-
-
-def test_what_stands_on_the_ground_is_structure_and_the_ground_is_not() -> None:
-    prepared = PreparedCloud.of(seen_from(np.eye(4), street(0)), (1.0, 0.5), 1)
-    assert len(prepared.structure) > 500
-    assert np.quantile(prepared.structure[:, 2], 0.1) > -1.7
-
-
-def test_starts_go_around_the_circle_from_scan_contexts_yaw() -> None:
-    starts = around_scan_context(1.0, 4)
-    np.testing.assert_allclose(np.exp(1j * se3.yaw(starts)), np.exp(1j * (1.0 + np.arange(4) * np.pi / 2)), atol=1e-12)
-
-
-def pose_near_truth(covariance: FloatArray, kind: PredictionKind = PredictionKind.POSE) -> Prediction:
-    return Prediction(TRUTH, covariance, kind)
-
-
-def test_a_sure_prediction_is_one_start_and_a_vague_one_is_searched_around() -> None:
-    sure = np.diag(np.square([0.01, 0.01, 0.02, 0.5, 0.5, 0.1]))
-    np.testing.assert_allclose(around_prediction(pose_near_truth(sure), None, 0.5), TRUTH[None], atol=1e-12)
-    vague = np.diag(np.square([0.01, 0.01, 0.5, 8.0, 1.0, 0.1]))
-    starts = around_prediction(pose_near_truth(vague), 0.6 + 1.0, 0.5)
-    along = [se3.between(TRUTH, start)[0, 3] for start in starts]
-    assert {round(x, 6) for x in along} == {0.0, 12.0, -12.0}
-    turns = [float(se3.yaw(se3.between(TRUTH, start))) for start in starts]
-    assert {round(x, 6) for x in turns} == {0.0, 0.75, -0.75, 1.0}
-    lost = np.diag(np.square([0.01, 0.01, 2.0, 0.5, 0.5, 0.1]))
-    yaws = np.sort(se3.yaw(around_prediction(pose_near_truth(lost), None, 0.5)))
-    np.testing.assert_allclose(np.diff(yaws), np.pi / 4)
-
-
-def test_where_only_the_heading_is_predicted_no_start_lies_apart() -> None:
-    vague = np.diag(np.square([0.02, 0.02, 0.1, 17.0, 17.0, 2.0]))
-    starts = around_prediction(pose_near_truth(vague, PredictionKind.HEADING), None, 0.5)
-    np.testing.assert_allclose(starts, TRUTH[None], atol=1e-12)
-    assert len(around_prediction(pose_near_truth(vague), None, 0.5)) == 5
