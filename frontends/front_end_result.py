@@ -57,6 +57,9 @@ class OdometryResult:
     seconds: float
     seconds_reading: float
 
+    def __repr__(self) -> str:
+        return f"OdometryResult({len(self.poses)} of {self.counts.scans} scans followed, {len(self.clouds)} keyframes)"
+
     def save(self, path: Path) -> None:
         """Writes one `.npz` file: all clouds in one array, with offsets."""
         _save(
@@ -104,6 +107,10 @@ class Descriptors:
     images: Float32Array
     seconds: float
 
+    def __repr__(self) -> str:
+        keyframes, rings, sectors = self.images.shape
+        return f"Descriptors({keyframes} keyframes, {rings} rings, {sectors} sectors)"
+
     def save(self, path: Path) -> None:
         """Writes one `.npz` file."""
         _save(path, images=self.images, seconds=np.array(self.seconds))
@@ -148,6 +155,10 @@ class FrontEndResult:
     seconds_reading: float
     seconds_odometry: float
     seconds_descriptors: float
+
+    def __repr__(self) -> str:
+        scans, length_m = len(self.odometry), self.odometry.distance[-1]
+        return f"FrontEndResult({self.robot!r}, {scans} scans, {len(self.keyframes)} keyframes, {length_m:.1f} m)"
 
     @classmethod
     def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:

@@ -51,6 +51,10 @@ class RunResult:
     merged_map: MergedMap
     metrics: Metrics
 
+    def __repr__(self) -> str:
+        name = self.solution.filtered.filter_name
+        return f"RunResult({name!r}, {', '.join(self.merged)}, {self.solution.graph!r}, {self.merged_map!r})"
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:

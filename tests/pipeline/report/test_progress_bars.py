@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from wiclosure.pipeline.cli.progress_bars import BarProgress
+from wiclosure.pipeline.report.progress_bars import BarProgress
 
 
 class Terminal(io.StringIO):
