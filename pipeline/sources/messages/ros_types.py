@@ -37,7 +37,8 @@ def recorded_typestore(encoding: Encoding, msgtype: str, definition: MessageDefi
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-    if msgtype == POINT_CLOUD_TYPE or definition.format != MessageDefinitionFormat.MSG:
+    stated = definition.format == MessageDefinitionFormat.MSG and definition.data.strip()
+    if msgtype == POINT_CLOUD_TYPE or not stated:
         return typestore(encoding)
     store = get_typestore(Stores.EMPTY)
     try:
