@@ -13,8 +13,8 @@ from wiclosure.errors import InputError
 from wiclosure.formats.trajectory_file import read_trajectory
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
-from wiclosure.pipeline.sources.mounting import LidarMount, lidar_mount
-from wiclosure.pipeline.sources.pose_topics import PoseTopic, only_pose_topic, read_pose_topic
+from wiclosure.pipeline.sources.poses.mounting import LidarMount, lidar_mount
+from wiclosure.pipeline.sources.poses.pose_topics import PoseTopic, only_pose_topic, read_pose_topic
 from wiclosure.types import FloatArray, Trajectory
 
 logger = logging.getLogger(__name__)

@@ -43,9 +43,11 @@ def read_kitti_poses(path: Path | str) -> KittiPoses:
         try:
             numbers[row] = np.array(words, float)
         except ValueError:
-            numbers[row] = np.nan
-        if width not in _NUMBERS or not np.isfinite(numbers[row]).all():
+            width = 0
+        if width not in _NUMBERS:
             raise InputError(f"{path}, line {number}: expected 12 numbers (a 3 x 4 matrix), row by row")
+        if not np.isfinite(numbers[row]).all():
+            raise InputError(f"{path}, line {number}: not finite; expected 12 numbers (a 3 x 4 matrix)")
     frames = numbers[:, 0].astype(np.int64) if width in {13, 17} else None
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = numbers[:, width % 4 :][:, :12].reshape(-1, 3, 4)

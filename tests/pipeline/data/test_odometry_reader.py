@@ -27,7 +27,7 @@ from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
-from wiclosure.pipeline.sources.pose_topics import ODOMETRY_TYPE, read_odometry_topic
+from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE, read_odometry_topic
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.types import FloatArray, Scan, Trajectory
 

@@ -44,7 +44,9 @@ def mcap_bytes(topics: Sequence[Topic], *, chunked: bool = False, profile: str =
                 log_ns, data = topic.messages[row]
                 body += record(5, struct.pack("<HIQQ", number, row, log_ns, log_ns) + data)
     if chunked:
-        body = record(6, struct.pack("<QQQI", 0, 2**62, len(body), 0) + string("") + struct.pack("<Q", len(body)) + body)
+        body = record(
+            6, struct.pack("<QQQI", 0, 2**62, len(body), 0) + string("") + struct.pack("<Q", len(body)) + body
+        )
     head = MAGIC + record(1, string(profile) + string("a test"))
     tail = record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + MAGIC
     return head + body + (tail if footer else b"")

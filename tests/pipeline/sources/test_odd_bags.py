@@ -116,7 +116,7 @@ def test_a_file_that_metadata_names_is_missing(
     assert_read(folder, scans)
 
 
-# --------------------------------------------------------------------------------------------------- other topics, order
+# -------------------------------------------------------------------------------------------------- other topics, order
 @pytest.mark.parametrize("chunked", [False, True])
 @pytest.mark.parametrize(
     "other",

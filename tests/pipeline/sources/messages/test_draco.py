@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
@@ -14,8 +15,6 @@ from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import typestore
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
-
-from ..mcap_bytes import Topic, mcap_bytes
 
 DracoPy = pytest.importorskip("DracoPy")
 STORE = typestore("cdr")
@@ -36,7 +35,8 @@ def compressed(data: bytes, names: list[str], how: str = "draco") -> bytes:
 
 
 def bag(path: Path, raw: bytes) -> Path:
-    path.write_bytes(mcap_bytes([Topic("/points/draco", DRACO_TYPE, [(STAMP_NS, raw)])]))
+    with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.write(writer.add_connection("/points/draco", DRACO_TYPE, typestore=STORE), STAMP_NS, raw)
     return path
 
 
@@ -44,9 +44,11 @@ def test_points_intensity_and_times(tmp_path: Path) -> None:
     points = np.random.default_rng(0).uniform(-20, 20, (100, 3)).astype(np.float32)
     intensity = np.arange(100, dtype=np.float32)[:, None]
     times = np.linspace(0, 0.1, 100, dtype=np.float32)[:, None]
-    data = DracoPy.encode(points, quantization_bits=24, preserve_order=True, generic_attributes={1: intensity, 2: times})
+    data = DracoPy.encode(
+        points, quantization_bits=24, preserve_order=True, generic_attributes={1: intensity, 2: times}
+    )
     raw = compressed(data, ["x", "y", "z", "intensity", "time"])
-    (scan,) = open_source(bag(tmp_path / "a.mcap", raw))
+    (scan,) = open_source(bag(tmp_path / "a", raw))
     assert scan.stamp_ns == STAMP_NS
     np.testing.assert_allclose(scan.points, points, atol=1e-4)
     np.testing.assert_allclose(scan.intensity, intensity[:, 0])
@@ -54,11 +56,11 @@ def test_points_intensity_and_times(tmp_path: Path) -> None:
 
 
 def test_without_points_it_is_an_empty_scan(tmp_path: Path) -> None:
-    (scan,) = open_source(bag(tmp_path / "a.mcap", compressed(b"", [])))
+    (scan,) = open_source(bag(tmp_path / "a", compressed(b"", [])))
     assert len(scan.points) == 0
 
 
 @pytest.mark.parametrize(("how", "data", "says"), [("zlib", b"x", "only draco"), ("draco", b"rubbish", "be decoded")])
 def test_what_cannot_be_decoded_is_named(tmp_path: Path, how: str, data: bytes, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        list(open_source(bag(tmp_path / "a.mcap", compressed(data, ["x", "y", "z"], how))))
+        list(open_source(bag(tmp_path / "a", compressed(data, ["x", "y", "z"], how))))

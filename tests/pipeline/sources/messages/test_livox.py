@@ -18,7 +18,9 @@ from wiclosure.pipeline.sources.messages.livox import LivoxDecoder, livox_header
 from wiclosure.pipeline.sources.open import open_source
 
 POINT = "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
-MESSAGE = "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+MESSAGE = (
+    "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+)
 STAMP_NS = 1_700_000_000_123_456_789
 
 

@@ -14,8 +14,8 @@ from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.frames import TF_TYPES, TransformStamped, frame_name
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.poses.frames import TF_TYPES, TransformStamped, frame_name
 from wiclosure.types import FloatArray, Trajectory
 
 logger = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.frames import StaticTransforms, frame_name
+from wiclosure.pipeline.sources.poses.frames import StaticTransforms, frame_name
 from wiclosure.pipeline.sources.scan_messages import ScanMessages
 from wiclosure.pipeline.sources.scan_topics import choose_topic
 from wiclosure.types import FloatArray
