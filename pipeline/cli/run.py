@@ -12,6 +12,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
+    WIRELESS_HELP,
     ConfigName,
     Configuration,
     Data,
@@ -101,7 +102,7 @@ def filter_command(
             "--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM file); one for each robot"
         ),
     ],
-    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
+    wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
     files: FilterFiles,
     *,
     filter_name: FilterName = None,
@@ -120,6 +121,7 @@ def filter_command(
 
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
@@ -127,7 +129,7 @@ def filter_command(
     settings = resolve(config, set_, use_filter=filter_name)
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
-        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)
+        result = filtering.filter_candidates(trajectory, sources_of_words(wireless), config=settings, outputs=outputs)
     if as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not quiet:

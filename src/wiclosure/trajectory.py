@@ -103,6 +103,22 @@ class Trajectory:
         """Interpolated poses `(M, 4, 4)`; stamps outside take the nearest end (ask `covers` first)."""
         return se3.interpolate(self._known.stamps_ns, self._known.poses, stamps_ns)
 
+    def at_or_beyond(self, stamps_ns: IntArray) -> FloatArray:
+        """The same, but before the first pose and after the last the motion goes on evenly, for two steps at most."""
+        poses, known = self.at(stamps_ns), self._known
+        if len(known) < 2:
+            return poses
+        for end, inner, outside in (
+            (0, 1, stamps_ns < known.stamps_ns[0]),
+            (-1, -2, stamps_ns > known.stamps_ns[-1]),
+        ):
+            if outside.any():
+                step_ns = int(known.stamps_ns[inner] - known.stamps_ns[end])
+                share = np.clip((stamps_ns[outside] - known.stamps_ns[end]) / step_ns, -2.0, 0.0)
+                step = se3.log(se3.between(known.poses[end], known.poses[inner]))
+                poses[outside] = known.poses[end] @ se3.exp(share[:, None] * step)
+        return poses
+
     def nearest(self, stamps_ns: IntArray) -> IntArray:
         """Indices `(M,)` of the poses nearest in time."""
         upper = np.clip(np.searchsorted(self.stamps_ns, stamps_ns), 1, max(len(self) - 1, 1))

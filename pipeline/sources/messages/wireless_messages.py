@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage, nanoseconds_of
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, WirelessMeasurement
 
 if TYPE_CHECKING:
@@ -171,11 +171,6 @@ def encode_header(stamp_ns: int, store: Typestore, frame_id: str) -> Msg:
     if any(name == "seq" for name, _ in store.fielddefs["std_msgs/msg/Header"][1]):
         return header(seq=0, stamp=stamp, frame_id=frame_id)
     return header(stamp=stamp, frame_id=frame_id)
-
-
-def nanoseconds_of(stamp: TimeMessage) -> int:
-    """A ROS time in nanoseconds."""
-    return stamp.sec * 10**9 + stamp.nanosec
 
 
 def _or_nan(value: float | None) -> float:
