@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
+from wiclosure.pipeline.data.overview import Entry
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult
@@ -75,6 +77,18 @@ def recording_table(found: RecordingInfo) -> Table:
         if topic.first_cloud is not None:
             table.add_row("", escape(_cloud(topic.first_cloud)))
     _add_remarks(table, found.notes)
+    return table
+
+
+def overview_table(path: Path, entries: Sequence[Entry]) -> Table:
+    """What lies in a folder or data set, and for what a run would use it."""
+    table = Table(title=escape(str(path)), title_justify="left", title_style="bold")
+    for column in ("path", "what", "used as"):
+        table.add_column(column, overflow="fold")
+    for entry in entries:
+        within = path if path.is_dir() else path.parent
+        shown = entry.path.relative_to(within) if entry.path.is_relative_to(within) else entry.path
+        table.add_row(escape(str(shown)), escape(entry.what), escape(entry.use) or "[dim]not used[/dim]")
     return table
 
 
