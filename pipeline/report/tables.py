@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wiclosure.pipeline.data.overview import Entry
-from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, RadioMetrics, TrajectoryMetrics
 from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult
 
@@ -29,6 +29,10 @@ def run_table(metrics: Metrics) -> Table:
     )
     if closures["accepted_true"] is not None:
         table.add_row("  by ground truth", f"{closures['accepted_true']} true, {closures['accepted_false']} false")
+    if metrics["radio"]:
+        table.add_section()
+        for pair, radio in metrics["radio"].items():
+            table.add_row(f"radio {escape(pair)}", _radio(radio))
     table.add_section()
     _add_errors(table, metrics)
     table.add_section()
@@ -122,6 +126,19 @@ def _add_remarks(table: Table, sentences: Sequence[str]) -> None:
         table.add_section()
     for n, sentence in enumerate(sentences):
         table.add_row("remarks" if n == 0 else "", escape(sentence))
+
+
+def _radio(found: RadioMetrics) -> str:
+    """Whether the radio places the robots, how well, and by how many links."""
+    said = "alignment certain" if found["certain"] else "alignment not certain, so it prunes nothing"
+    if found["yaw_sigma_deg"] is not None:
+        said += (
+            f"; sigma {found['yaw_sigma_deg']:.1f}° in yaw, {_metres(found['horizontal_sigma_m'])} on the ground,"
+            f" {_metres(found['height_sigma_m'])} in height"
+        )
+    if found["links_used"] is not None:
+        said += f"; {found['links_used']} links used"
+    return escape(said)
 
 
 def _candidates(found: CandidateMetrics) -> str:
