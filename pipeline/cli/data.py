@@ -61,8 +61,8 @@ def init(
     """
     from wiclosure.errors import OutputError
     from wiclosure.pipeline.data.dataset_file import DATASET_FILE
-    from wiclosure.pipeline.data.draft import GUESS, draft_dataset
-    from wiclosure.pipeline.data.survey import survey
+    from wiclosure.pipeline.data.folders.draft import GUESS, draft_dataset
+    from wiclosure.pipeline.data.folders.survey import survey
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.runtime.output import whole_file
 
@@ -97,7 +97,7 @@ def info(
     """
     from rich.console import Console
 
-    from wiclosure.pipeline.data.overview import overview
+    from wiclosure.pipeline.data.folders.overview import overview
     from wiclosure.pipeline.report.tables import overview_table, recording_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.sources.info import recording_info

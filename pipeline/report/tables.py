@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from wiclosure.pipeline.data.overview import Entry
+from wiclosure.pipeline.data.folders.overview import Entry
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, RadioMetrics, TrajectoryMetrics
 from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult

@@ -9,7 +9,7 @@ from wiclosure.pipeline.comparison.starts import has_truth, start_rows
 
 
 def start(x_m: float, yaw_deg: float) -> dict:
-    return {"alpha-beta": dict(x_m=x_m, y_m=0.0, z_m=0.0, yaw_deg=yaw_deg, pitch_deg=0.0, roll_deg=0.0)}
+    return {"alpha-beta": {"x_m": x_m, "y_m": 0.0, "z_m": 0.0, "yaw_deg": yaw_deg, "pitch_deg": 0.0, "roll_deg": 0.0}}
 
 
 def test_arms_are_held_against_the_first_that_connects(

@@ -14,8 +14,8 @@ from wiclosure.errors import InputError, WiclosureError
 from wiclosure.formats.text_table import TextTable, is_number, open_table
 from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
-from wiclosure.pipeline.radio.column_names import guess
 from wiclosure.pipeline.radio.presets import preset_of_header
+from wiclosure.pipeline.radio.readers.column_names import guess
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info

@@ -10,10 +10,10 @@ from pathlib import Path
 import yaml
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.data.survey import Found
+from wiclosure.pipeline.data.folders.survey import Found
 from wiclosure.pipeline.radio.read import RadioReading, read_radio
+from wiclosure.pipeline.radio.readers.tag_names import number_at_end
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.pipeline.radio.tag_names import number_at_end
 from wiclosure.pipeline.sources.info import TopicInfo
 from wiclosure.pipeline.sources.pose_topics import ODOMETRY_TYPE
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
-from wiclosure.pipeline.data.survey import Found, survey, survey_file
+from wiclosure.pipeline.data.folders.survey import Found, survey, survey_file
 from wiclosure.pipeline.sources.open import LOADERS
 
 
