@@ -28,24 +28,25 @@ from kiss_icp.kiss_icp import KissICP
 from odometry import PackedScans, peak_resident_mb
 
 from wiclosure import se3
+from wiclosure.drift import DriftModel
 from wiclosure.frontends.config import (
-    FrontEndSettings,
     IntraRobotLoopSettings,
     KeyframeSettings,
     MatchingSettings,
     OdometrySettings,
     ScanContextSettings,
 )
-from wiclosure.frontends.front_end import FrontEnd, FrontEndResult
+from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
 from wiclosure.frontends.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.matching import match
-from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.inputs import Inputs, open_inputs
+from wiclosure.pipeline.data.inputs import Inputs
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends
@@ -98,14 +99,14 @@ def odometry() -> None:
     # Both on one core: KISS-ICP settles its threads once in a process.
     one = RegistrationConfig(max_num_threads=1)
     kiss = KissICP(KISSConfig(data=DataConfig(), mapping=MappingConfig(voxel_size=voxel_m), registration=one))
-    ours = FrontEnd(FrontEndSettings(), "alpha")
+    ours = OdometryRun(OdometrySettings(), [KeyframeSettings()], "alpha")
     bare_s = ours_s = 0.0
     with row("odometry, keyframes and descriptors against a bare KISS-ICP loop", "<= 1.10 x"):
         for index in range(len(scans)):
             scan = scans.scan(index)
             ours_s += seconds_of(partial(ours.process, scan))
             bare_s += seconds_of(partial(kiss.register_frame, scan.points, np.zeros(0)))
-        ours_s += seconds_of(ours.result)
+        ours_s += seconds_of(lambda: describe_all(ours.results()[0].clouds, ScanContextSettings()))
         print(f"  {len(scans)} scans: bare {bare_s:.2f} s, ours {ours_s:.2f} s, {ours_s / bare_s:.2f} x")
 
 
@@ -337,10 +338,11 @@ def indoor() -> None:
     scans = PackedScans(recording)
     with np.load(recording) as pack:
         truth = Trajectory("alpha", np.rint(pack["stamps"] * 1e9).astype(np.int64), pack["poses"])
-    run = FrontEnd(FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5)), "alpha", recorded=truth)
+    run = OdometryRun(OdometrySettings(), [KeyframeSettings(distance_m=0.5)], "alpha", recorded=truth)
     for k in range(len(scans)):
         run.process(scans.scan(k))
-    front = run.result()
+    (followed,) = run.results()
+    front = FrontEndResult.of("alpha", DriftModel(), followed, describe_all(followed.clouds, ScanContextSettings()))
     settings = IntraRobotLoopSettings(min_travel_m=15.0)
     travelled = front.keyframes.distance[None] - front.keyframes.distance[:, None]
     apart = np.linalg.norm(front.keyframes.positions[:, None] - front.keyframes.positions[None], axis=2)

@@ -25,7 +25,7 @@ from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
-from wiclosure.frontends.odometry import KissOdometry
+from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
 from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
@@ -57,7 +57,7 @@ class Views:
         """One of the packed recordings; positions by OXTS or SLAM."""
         path = DATA / name / "scans.npz"
         scans, poses = PackedScans(path), np.load(path)["poses"]
-        truth = Trajectory(name, np.arange(len(poses), dtype=np.int64), poses)
+        truth = Trajectory(name, np.arange(len(poses)) * 10**9, poses)
         rows = every(truth, 1.0)
         return cls(np.stack([described(scans.scan(int(row)).points) for row in rows]), truth.positions[rows])
 

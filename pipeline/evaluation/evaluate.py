@@ -5,45 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pydantic import Field
-
-from wiclosure.pipeline.evaluation.body_axes import OrientedTruth, in_lidar_axes
-from wiclosure.pipeline.evaluation.closures import ClosureJudge, candidate_metrics, closure_metrics
+from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import candidate_metrics, closure_metrics
 from wiclosure.pipeline.evaluation.funnel import funnel
 from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.evaluation.radio import radio_metrics, start_metrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.evaluation.trajectories import odometry_errors, trajectory_metrics
-from wiclosure.settings import Settings
 from wiclosure.types import Closure, FilterResult, Trajectory
-
-
-class EvaluationSettings(Settings):
-    """What counts as true."""
-
-    overlap_radius_m: float = Field(
-        35.0, gt=0, description="m; keyframes nearer than this see a common place (the paper's radius): `candidates`"
-    )
-    registrable_radius_m: float = Field(
-        10.0, gt=0, description="m; keyframes nearer than this can be registered reliably: `candidates_registrable`"
-    )
-    closure_error_m: float = Field(
-        2.0,
-        gt=0,
-        description="m; an accepted closure further off ground truth is false. Ground truth itself is good to a metre"
-        " or so (GNSS, or two passes through one place), false closures are off by tens",
-    )
-    closure_error_deg: float = Field(
-        5.0, gt=0, description="degrees; an accepted closure turned further from ground truth is false"
-    )
-    ground_truth_gap_s: float = Field(
-        1.0, gt=0, description="s; a pose is compared only if ground truth has stamps this near on both sides"
-    )
-    rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
-
-    def judge(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> ClosureJudge:
-        """Tells which closures between these keyframes are true."""
-        return ClosureJudge(
-            keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +76,8 @@ def evaluate(
         "candidates_registrable": registrable,
         "closures": closure_metrics(found.closures, judge),
         "funnel": funnel(candidates, found.filtered, found.closures, truth, judge),
+        "radio": radio_metrics(found.filtered),
+        "starts": start_metrics(found.merged, found.components),
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,

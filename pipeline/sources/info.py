@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.bag import Bag, BagTopic
 from wiclosure.pipeline.sources.bag_files import KINDS
-from wiclosure.pipeline.sources.bags import Bag, open_bag
+from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
 from wiclosure.pipeline.sources.kitti import KittiSource
-from wiclosure.pipeline.sources.messages.pointcloud2 import (
-    FORMATS,
-    POINT_CLOUD_TYPE,
-    PointCloud2Decoder,
-    PointCloud2Message,
-)
+from wiclosure.pipeline.sources.messages.pointcloud2 import FORMATS, POINT_CLOUD_TYPE, PointCloud2Message
 from wiclosure.pipeline.sources.open import guess_loader
+from wiclosure.pipeline.sources.scan_messages import ScanDecoder, ScanMessages
+from wiclosure.pipeline.sources.scan_topics import holds_scans
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +105,7 @@ def recording_info(path: Path | str, *, salvage: bool = False) -> RecordingInfo:
 
 def _bag_info(bag: Bag, *, salvage: bool) -> RecordingInfo:
     topics = tuple(
-        TopicInfo(topic.name, topic.msgtype, topic.count, _first_cloud(bag, topic.name))
-        for topic in bag.topics.values()
+        TopicInfo(topic.name, _type(topic), topic.count, _first_cloud(bag, topic.name)) for topic in bag.topics.values()
     )
     count = sum(topic.count for topic in topics)
     notes = ("Salvaged: only messages that are whole are counted.",) if salvage else ()
@@ -116,19 +114,31 @@ def _bag_info(bag: Bag, *, salvage: bool) -> RecordingInfo:
     return RecordingInfo(bag.path, KINDS[bag.kind], start_ns, duration_s, count, _size(bag.path), topics, notes)
 
 
-def _first_cloud(bag: Bag, topic: str) -> CloudInfo | None:
-    if bag.topics[topic].msgtype != POINT_CLOUD_TYPE:
+def _type(topic: BagTopic) -> str:
+    return topic.msgtype if topic.is_ros else f"{topic.msgtype} ({topic.found.encoding})"
+
+
+def _first_cloud(bag: Bag, name: str) -> CloudInfo | None:
+    topic = bag.topics[name]
+    if not holds_scans(topic):
         return None
-    received_ns, message = next(bag.messages(topic), (0, None))
-    if message is None:
+    received_ns, raw = next(bag.read(name), (0, b""))
+    if not raw:
         return None
-    cloud = cast("PointCloud2Message", message)
-    scan = PointCloud2Decoder().decode(cloud, received_ns)
+    try:
+        message = ScanMessages(topic)(raw, 0)
+        scan = ScanDecoder(topic, f"{bag.path}, topic {name}").decode(message, message.stamp_ns or received_ns)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises anything for bytes that are no such message
+        raise InputError(f"{bag.path}, topic {name}, message 0: no {topic.msgtype} ({error})") from error
     times = None if scan.times is None else (float(scan.times.min()), float(scan.times.max()))
+    count = len(scan.points)
+    if topic.msgtype != POINT_CLOUD_TYPE:
+        return CloudInfo(1, count, count, 0, message.frame_id, (), times)
+    cloud = cast("PointCloud2Message", message.content)
     fields = tuple(FieldInfo(f.name, FORMATS.get(f.datatype, "unknown"), f.offset) for f in cloud.fields)
-    return CloudInfo(
-        cloud.height, cloud.width, len(scan.points), cloud.point_step, cloud.header.frame_id, fields, times
-    )
+    return CloudInfo(cloud.height, cloud.width, count, cloud.point_step, message.frame_id, fields, times)
 
 
 def _size(path: Path) -> int:

@@ -12,9 +12,9 @@ from wiclosure.backends.graph_files.g2o_writer import PLANAR, SPATIAL, write_g2o
 from wiclosure.backends.graph_files.jrr_writer import write_robot_results
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import write_tum
+from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.pipeline.stages.closures_csv import decision
 from wiclosure.pipeline.stages.optimising import Merged
-from wiclosure.pipeline.stages.run_folder import write_json
 from wiclosure.types import Closure
 
 COLUMNS = ("first", "second", "decision", "reason", "residual_m", "residual_rad", "agrees_with", "place")
@@ -51,7 +51,7 @@ def write_merged(folder: Path, merged: Merged) -> None:
     write_g2o(merged.graph, folder / "graph.g2o", team.keys, PLANAR if team.planar else SPATIAL, team.unnamed)
     for robot, trajectory in trajectories.items():
         write_tum(folder / f"{_file_stem(robot)}.tum", trajectory)
-        write_kitti_poses(folder / f"{_file_stem(robot)}_kitti.txt", trajectory)
+        write_kitti_poses(folder / f"{_file_stem(robot)}_kitti.txt", trajectory.poses)
     with (folder / "closures.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.DictWriter(file, COLUMNS)
         rows.writeheader()

@@ -19,7 +19,7 @@ from wiclosure.evidence import (
 )
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan
-from wiclosure.trajectory import Trajectory
+from wiclosure.trajectory import Trajectory, require_own_names
 from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 __all__ = [
@@ -52,6 +52,7 @@ __all__ = [
     "WirelessMeasurement",
     "capped_covariance",
     "measured_poses",
+    "require_own_names",
     "robot_pairs",
     "survivors",
 ]

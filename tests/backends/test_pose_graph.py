@@ -231,7 +231,7 @@ def test_the_covariance_of_a_pose_grows_with_the_way_from_the_anchor(team_maker)
 def test_chained_steps_have_the_drift_models_covariance_over_each_span():
     drift = DriftModel(rotation_walk=1e-9, rotation_walk_turning=0.0, rotation_bias=0.0)
     poses = se3.from_yaw(0.0, np.arange(101.0)[:, None] * [1.0, 0.0, 0.0])
-    trajectory = Trajectory("alpha", np.arange(101, dtype=np.int64), poses, drift)
+    trajectory = Trajectory("alpha", np.arange(101, dtype=np.int64) * 10**9, poses, drift)
     steps = odometry_covariances(trajectory, np.arange(101), np.array([40]))
     for first, last in ((0, 40), (40, 100)):
         expected = trajectory.relative_covariance(np.array([first]), np.array([last]))[0, 3:, 3:]

@@ -7,6 +7,7 @@ intensity stay together by construction.  This goes block by block, so that a bl
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
@@ -14,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.messages.point_times import PointClock, strays
 from wiclosure.types import Float32Array, FloatArray, Scan
 
+logger = logging.getLogger(__name__)
+
 POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time")
-INTENSITY_FIELDS = ("intensity", "i", "reflectivity")
 
 # sensor_msgs/PointField's numbers; 9 to 11 are new in ROS 2 Lyrical, and in use before that.
 FORMATS: Mapping[int, str] = {
@@ -29,24 +32,6 @@ FORMATS: Mapping[int, str] = {
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
-
-
-class TimeMessage(Protocol):
-    """`builtin_interfaces/Time`, as rosbags makes it."""
-
-    @property
-    def sec(self) -> int: ...  # noqa: D102  -- named by ROS
-    @property
-    def nanosec(self) -> int: ...  # noqa: D102
-
-
-class HeaderMessage(Protocol):
-    """`std_msgs/Header`, as rosbags makes it."""
-
-    @property
-    def stamp(self) -> TimeMessage: ...  # noqa: D102
-    @property
-    def frame_id(self) -> str: ...  # noqa: D102
 
 
 class PointFieldMessage(Protocol):
@@ -74,24 +59,36 @@ class PointCloud2Message(Protocol):
     data: NDArray[np.uint8]
 
 
-class PointCloud2Decoder:
-    """Decodes the messages of one topic in order; remembers what its per-point times mean (see `point_times`)."""
+Fields: TypeAlias = tuple[tuple[str, int, int, int], ...]
+"""Name, offset, datatype and count of each field."""
 
-    def __init__(self) -> None:
-        self._clock = PointClock()
+
+class PointCloud2Decoder:
+    """Decodes the messages of one topic in order; remembers what its per-point times mean (see `point_times`).
+
+    Args:
+        place: what is read, for the log.
+        period_s: seconds from scan to scan, where they are known.
+    """
+
+    def __init__(self, place: str = "", period_s: float | None = None) -> None:
+        self._place = place or "point clouds"
+        self._clock = PointClock(place, period_s)
         self._layouts: dict[tuple[Any, ...], np.dtype[np.void]] = {}
 
-    def decode(self, cloud: PointCloud2Message, received_ns: int = 0) -> Scan:
-        """The returns of one message.
+    def decode(self, cloud: PointCloud2Message, stamp_ns: int | None = None) -> Scan:
+        """The returns of one message; a default message, without points or fields, has none.
 
         Args:
             cloud: the message.
-            received_ns: stamp to use where the header has none (zero).
+            stamp_ns: the scan's stamp; None: the header's.
 
         Raises:
             InputError: the fields x, y, z are missing or do not fit, or the data is shorter than announced.
         """
-        stamp_ns = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec or received_ns
+        stamp_ns = nanoseconds_of(cloud.header.stamp) if stamp_ns is None else stamp_ns
+        if cloud.height * cloud.width == 0:
+            return Scan(stamp_ns, np.zeros((0, 3)))
         columns = _returns(_records(cloud, self._layout(cloud)))
         return timed_scan(self._clock, stamp_ns, *columns)
 
@@ -99,8 +96,30 @@ class PointCloud2Decoder:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
         key = (fields, bool(cloud.is_bigendian), cloud.point_step)
         if key not in self._layouts:
-            self._layouts[key] = _record_type(fields, ">" if cloud.is_bigendian else "<", cloud.point_step)
+            order = ">" if cloud.is_bigendian else "<"
+            time = self._time_field(fields, cloud, order)
+            self._layouts[key] = _record_type(fields, time, order, cloud.point_step)
         return self._layouts[key]
+
+    def _time_field(self, fields: Fields, cloud: PointCloud2Message, order: str) -> str | None:
+        """The field of per-point times: of several, the first whose values differ; what is not used is said."""
+        names = [name for name, *_ in fields]
+        candidates = time_fields(names)
+        differing = []
+        for name in candidates:
+            values = _records(cloud, _record_type(fields, name, order, cloud.point_step))["time"]
+            if len(values) and values.min() < values.max():
+                differing.append(name)
+        if candidates and not differing:
+            logger.warning(
+                "%s: field %s is the same for all points: the scans are not deskewed", self._place, candidates[0]
+            )
+        if not candidates and (similar := like_times(names, ())):
+            logger.warning(
+                "%s: field %s looks like per-point times but is not used: the scans are not deskewed; name it time"
+                " where it is one", self._place, similar[0],
+            )  # fmt: skip
+        return next(iter(differing or candidates), None)
 
 
 def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np.bool_]:
@@ -131,13 +150,12 @@ def timed_scan(
     return Scan(stamp_ns, points, times, intensity32)
 
 
-def _record_type(fields: tuple[tuple[str, int, int, int], ...], order: str, point_step: int) -> np.dtype[np.void]:
+def _record_type(fields: Fields, time: str | None, order: str, point_step: int) -> np.dtype[np.void]:
     """The record of one point: x, y, z and, where they exist, time and intensity; other fields are padding."""
-    by_name = {name.lower(): (name, offset, datatype, count) for name, offset, datatype, count in reversed(fields)}
-    wanted = {axis: axis for axis in "xyz"}
-    for role, names in (("time", TIME_FIELDS), ("intensity", INTENSITY_FIELDS)):
-        if found := next((name for name in names if name in by_name), None):
-            wanted[role] = found
+    by_name = {name: (name, offset, datatype, count) for name, offset, datatype, count in reversed(fields)}
+    by_axis = {name.lower(): name for name in by_name}
+    wanted = {axis: by_axis.get(axis, axis) for axis in "xyz"}
+    wanted |= {role: name for role, name in (("time", time), ("intensity", intensity_field(by_name))) if name}
     formats, offsets = [], []
     for name in wanted.values():
         if name not in by_name:

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.body_axes import body_rotation, in_lidar_axes
 from wiclosure.pipeline.evaluation.errors import Matched
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import Closure, FilterResult, KeyframeId, Stage, Trajectory
 
 SECOND = 1_000_000_000

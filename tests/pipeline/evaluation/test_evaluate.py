@@ -21,8 +21,9 @@ from wiclosure.pipeline.evaluation.errors import (
     rms,
     truth_at,
 )
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.funnel import STAGES
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import (
     CandidatePairs,
     Closure,

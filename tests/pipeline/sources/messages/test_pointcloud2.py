@@ -249,8 +249,8 @@ def test_many_late_points_are_part_of_the_sweep() -> None:
     assert len(scan.times) == 500
 
 
-def test_a_header_without_stamp_takes_the_time_of_reception() -> None:
-    assert PointCloud2Decoder().decode(Cloud(xyz(), stamp_ns=0).message(), received_ns=77).stamp_ns == 77
+def test_a_stamp_may_be_given_in_the_place_of_the_headers() -> None:
+    assert PointCloud2Decoder().decode(Cloud(xyz()).message(), stamp_ns=77).stamp_ns == 77
 
 
 def test_a_wrong_row_step_of_a_flat_cloud_does_not_matter() -> None:
