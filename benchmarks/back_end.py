@@ -37,7 +37,7 @@ from wiclosure.backends.pose_graph import optimise
 from wiclosure.backends.streaming import StreamingBackEnd
 from wiclosure.drift import DriftModel
 from wiclosure.max_clique import max_clique
-from wiclosure.types import Closure, FloatArray, KeyframeId, Stage, Trajectory
+from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)  # closures here state their covariance in full
 NETWORKX_SECONDS = 60.0
@@ -153,8 +153,8 @@ def ate_m(result: GraphResult, truth: dict[str, FloatArray]) -> float:
 
 
 def accepted(closures: tuple[Closure, ...]) -> np.ndarray:
-    """Which closures were believed."""
-    return np.array([c.survived(Stage.CONSISTENCY) for c in closures])
+    """Which closures nothing has rejected."""
+    return np.array([c.rejected_at is None for c in closures])
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows

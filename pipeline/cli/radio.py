@@ -94,6 +94,26 @@ def convert(
 
 
 @app.command()
+def messages(out: Annotated[Path, typer.Option("--out", "-o", help="folder of a workspace's sources")]) -> None:
+    """Write the ROS 2 package wiclosure_msgs, to build and to publish radio measurements with.
+
+    Example: wiclosure radio messages --out ~/ros2_ws/src
+    """
+    import shutil
+    from importlib.resources import as_file
+
+    from wiclosure.errors import OutputError
+    from wiclosure.pipeline.sources.messages.wireless_messages import MESSAGE_PACKAGE
+
+    target = out / "wiclosure_msgs"
+    if target.exists():
+        raise OutputError(f"{target} exists already; remove it first, or name another folder")
+    with as_file(MESSAGE_PACKAGE) as package:
+        shutil.copytree(package, target)
+    typer.echo(f"written to {target}; build it with: colcon build --packages-select wiclosure_msgs")
+
+
+@app.command()
 def check(
     data: Annotated[
         list[str] | None,

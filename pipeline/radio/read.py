@@ -13,15 +13,15 @@ from wiclosure.errors import InputError
 from wiclosure.formats.pyfg import WORDS, read_pyfg_ranges
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.formats.wsr import read_wsr_profiles, wsr_wireless_log
-from wiclosure.pipeline.radio.account import Account
-from wiclosure.pipeline.radio.corrections import corrected
-from wiclosure.pipeline.radio.interpret import interpret
 from wiclosure.pipeline.radio.presets import preset_of_header, preset_settings
-from wiclosure.pipeline.radio.rows import Row
+from wiclosure.pipeline.radio.readers.account import Account
+from wiclosure.pipeline.radio.readers.corrections import corrected
+from wiclosure.pipeline.radio.readers.interpret import interpret
+from wiclosure.pipeline.radio.readers.rows import Row
+from wiclosure.pipeline.radio.readers.tables import line_rows, opened, table_rows
+from wiclosure.pipeline.radio.readers.tag_names import TagNames
+from wiclosure.pipeline.radio.readers.topics import topic_rows, with_message_preset
 from wiclosure.pipeline.radio.source import Kind, RadioSource
-from wiclosure.pipeline.radio.tables import line_rows, opened, table_rows
-from wiclosure.pipeline.radio.tag_names import TagNames
-from wiclosure.pipeline.radio.topics import topic_rows, with_message_preset
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics

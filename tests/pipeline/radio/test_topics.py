@@ -15,9 +15,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.pipeline.radio.message_fields import FieldPath
 from wiclosure.pipeline.radio.presets import presets
 from wiclosure.pipeline.radio.read import read_radio
+from wiclosure.pipeline.radio.readers.message_fields import FieldPath
 from wiclosure.pipeline.radio.unused import unused_radio
 from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.types import WirelessMeasurement

@@ -8,9 +8,9 @@ from typing import Any
 
 from wiclosure.errors import InputError
 from wiclosure.formats.name_pattern import NamePattern
-from wiclosure.pipeline.radio.message_fields import FieldPath, rows_of
 from wiclosure.pipeline.radio.presets import preset_of_message
-from wiclosure.pipeline.radio.rows import ReceivedAt, Row
+from wiclosure.pipeline.radio.readers.message_fields import FieldPath, rows_of
+from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.sources.bags import Bag, BagTopic, open_bag
 

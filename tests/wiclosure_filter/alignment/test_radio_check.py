@@ -5,6 +5,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.drift import DriftModel
+from wiclosure.pipeline.config import load_config
 from wiclosure.types import (
     AoaPath,
     FloatArray,
@@ -16,11 +17,12 @@ from wiclosure.types import (
     WirelessMeasurement,
 )
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.odds import AlignmentOdds
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
-from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
+from wiclosure.wiclosure_filter.config import AlignmentSettings, FilterSettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
+PAPER = load_config("paper").filter
 SIGMA_RAD, SIGMA_M = np.radians(10.0), 0.3
 CLOSE = np.diag(np.square([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]))
 KEYFRAMES = 100
@@ -59,17 +61,17 @@ def odometry_of(truth: dict[str, Trajectory]) -> dict[str, Trajectory]:
     return {robot: t.moved(se3.inverse(t.poses[0])) for robot, t in truth.items()}
 
 
-def odds_of(
-    truth: dict[str, Trajectory], log: WirelessLog, settings: AlignmentSettings | None = None
-) -> tuple[AlignmentOdds | None, FrameAlignment]:
+def check_of(
+    odometry: dict[str, Trajectory], log: WirelessLog, settings: AlignmentSettings | None = None
+) -> tuple[RadioConsistencyCheck | None, FrameAlignment]:
     settings = settings or AlignmentSettings()
-    odometry = odometry_of(truth)
-    alignment = align("alpha", "beta", odometry, log, settings)
-    return AlignmentOdds.of(alignment, odometry, log, settings, most_odds=100.0), alignment
+    links = TeamLinks.of(odometry, log, GatheringLimits.of(settings)).by_pair["alpha", "beta"]
+    alignment = align(links, odometry, settings)
+    return RadioConsistencyCheck.of(alignment, links, odometry, settings, max_odds=100.0), alignment
 
 
 def closures(truth: dict[str, Trajectory], shift_m: tuple[float, float]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Measured poses of keyframes of beta in those of alpha, were beta's way moved in the world."""
+    """Measured poses of keyframes of beta in those of alpha, were beta's path moved in the world."""
     index = np.arange(0, KEYFRAMES, 7)
     moved = truth["beta"].poses[index].copy()
     moved[:, :2, 3] += shift_m
@@ -81,13 +83,13 @@ def closures(truth: dict[str, Trajectory], shift_m: tuple[float, float]) -> tupl
 def test_the_radio_objects_to_look_alike_places_and_not_to_the_true_one(count: int, seed: int) -> None:
     """Also with a handful of measurements, which often leave more than one alignment to choose from."""
     truth = team()
-    odds, _ = odds_of(truth, heard(truth, count, np.random.default_rng(seed)))
-    assert odds is not None
+    check, _ = check_of(odometry_of(truth), heard(truth, count, np.random.default_rng(seed)))
+    assert check is not None
     T, covariance, index = closures(truth, (0.0, 0.0))
-    assert odds.objections(T, covariance, index, index) == ("",) * len(index)
+    assert check.objections(T, covariance, index, index) == ("",) * len(index)
     for shift_m in ((12.0, 0.0), (0.0, -12.0), (-9.0, 9.0)):
         T, covariance, index = closures(truth, shift_m)
-        objections = odds.objections(T, covariance, index, index)
+        objections = check.objections(T, covariance, index, index)
         assert sum(bool(objection) for objection in objections) >= 0.75 * len(index)
         assert all("contradicts the radio" in objection for objection in objections if objection)
 
@@ -95,15 +97,15 @@ def test_the_radio_objects_to_look_alike_places_and_not_to_the_true_one(count: i
 def test_odds_are_those_of_the_likeliest_alignment() -> None:
     """Against itself they are even, and the closures' own covariance lets them err."""
     truth = team()
-    odds, alignment = odds_of(truth, heard(truth, 20, np.random.default_rng(1)))
-    assert odds is not None
+    check, alignment = check_of(odometry_of(truth), heard(truth, 20, np.random.default_rng(1)))
+    assert check is not None
     assert alignment.best is not None
     odometry, index = odometry_of(truth), np.arange(0, KEYFRAMES, 9)
     T = se3.inverse(odometry["alpha"].poses[index]) @ alignment.best.T_a_b @ odometry["beta"].poses[index]
     exact = np.tile(1e-12 * np.eye(6), (len(index), 1, 1))
-    assert odds.log_odds(T, exact, index, index).max() < np.log(3.0)
+    assert check.log_odds(T, exact, index, index).max() < np.log(3.0)
     T, covariance, index = closures(truth, (3.0, 0.0))
-    sharp, vague = (odds.log_odds(T, scale * covariance, index, index) for scale in (1.0, 1e4))
+    sharp, vague = (check.log_odds(T, scale * covariance, index, index) for scale in (1.0, 1e4))
     assert (vague < sharp).all()
 
 
@@ -139,9 +141,8 @@ def test_true_closures_stand_however_much_was_measured_before_the_odometry_drift
         odometry = {robot: drifted(t, factor, rng) for robot, t in truth.items()}
         log = heard(truth, 3 * count if last_s < KEYFRAMES else count, rng)
         log = WirelessLog(tuple(m for m in log.measurements if m.stamp_ns < last_s * 10**9))
-        alignment = align("alpha", "beta", odometry, log, AlignmentSettings())
-        odds = AlignmentOdds.of(alignment, odometry, log, AlignmentSettings(), most_odds=100.0)
-        assert odds is not None
+        check, _ = check_of(odometry, log)
+        assert check is not None
         index_a = np.arange(67, KEYFRAMES, 3)
         index_b = index_a - 60 if across else index_a
         T_beta = truth["beta"].poses[index_b]
@@ -151,7 +152,7 @@ def test_true_closures_stand_however_much_was_measured_before_the_odometry_drift
             moved = T_beta.copy()
             moved[:, 0, 3] += shift_m
             T = se3.between(truth["alpha"].poses[index_a], moved) @ noise
-            told += [bool(objection) for objection in odds.objections(T, covariance, index_a, index_b)]
+            told += [bool(objection) for objection in check.objections(T, covariance, index_a, index_b)]
     assert np.mean(refused) <= (0.02 if factor == 1 else 0.1)
     assert np.mean(found) >= 0.9
 
@@ -166,15 +167,15 @@ def test_an_inexact_closure_is_judged_by_what_it_allows(compasses: bool) -> None
             Heading(k * 10**9, robot, float(se3.yaw(t.poses[k])), 0.03) for robot, t in truth.items() for k in (5, 10)
         )
         log = WirelessLog(log.measurements, headings)
-    odds, _ = odds_of(truth, log)
-    assert odds is not None
+    check, _ = check_of(odometry_of(truth), log)
+    assert check is not None
     T, _, index = closures(truth, (0.0, 0.0))
     T = T @ se3.from_yaw(0.05, np.zeros(3))
     honest = np.tile(np.diag(np.repeat([0.05**2, 0.3**2], 3)), (len(T), 1, 1))
-    assert odds.objections(T, honest, index, index) == ("",) * len(T)
+    assert check.objections(T, honest, index, index) == ("",) * len(T)
     # As DiSCo-SLAM states it, one variance for metres and radians, which must not excuse a wrong place.
     wrong, _, _ = closures(truth, (12.0, 0.0))
-    assert all(odds.objections(wrong, np.tile(np.eye(6), (len(T), 1, 1)), index, index))
+    assert all(check.objections(wrong, np.tile(np.eye(6), (len(T), 1, 1)), index, index))
 
 
 def test_far_from_every_measurement_drift_leaves_nothing_to_object_to() -> None:
@@ -182,18 +183,18 @@ def test_far_from_every_measurement_drift_leaves_nothing_to_object_to() -> None:
     truth = team(DriftModel(translation_walk=1.0, rotation_walk=0.05))
     log = heard(truth, 60, np.random.default_rng(0))
     early = WirelessLog(tuple(m for m in log.measurements if m.stamp_ns < 20 * 10**9))
-    odds, _ = odds_of(truth, early)
-    assert odds is not None
+    check, _ = check_of(odometry_of(truth), early)
+    assert check is not None
     T, covariance, index = closures(truth, (5.0, 0.0))
     late = index > 80
-    assert odds.objections(T[late], covariance[late], index[late], index[late]) == ("",) * late.sum()
+    assert check.objections(T[late], covariance[late], index[late], index[late]) == ("",) * late.sum()
 
 
-def test_tilted_frames_and_robots_that_were_not_aligned_have_no_odds() -> None:
+def test_tilted_frames_and_robots_that_were_not_aligned_have_no_check() -> None:
     truth = team()
     log = heard(truth, 8, np.random.default_rng(0))
-    assert odds_of(truth, log, AlignmentSettings(gravity_aligned=False))[0] is None
-    assert odds_of(truth, WirelessLog())[0] is None
+    assert check_of(odometry_of(truth), log, AlignmentSettings(gravity_aligned=False))[0] is None
+    assert check_of(odometry_of(truth), WirelessLog())[0] is None
 
 
 def test_the_filter_brings_them_along_unless_told_otherwise() -> None:
@@ -207,5 +208,5 @@ def test_the_filter_brings_them_along_unless_told_otherwise() -> None:
     assert not certain.alignments[0].ambiguous
     assert not certain.checks
     assert not WiClosureFilter(FilterSettings(closure_odds=None)).candidates(odometry, log).checks
-    assert not WiClosureFilter(FilterSettings.as_in_paper()).candidates(odometry, log).checks
+    assert not WiClosureFilter(PAPER).candidates(odometry, log).checks
     assert not WiClosureFilter().candidates(odometry, WirelessLog()).checks

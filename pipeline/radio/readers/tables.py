@@ -9,8 +9,8 @@ from pathlib import Path
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.formats.text_table import SPACE, TextTable, is_number, open_table, with_decimal_point
-from wiclosure.pipeline.radio.column_names import guessed_fields
-from wiclosure.pipeline.radio.rows import Row
+from wiclosure.pipeline.radio.readers.column_names import guessed_fields
+from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.source import RadioSource
 
 _DELIMITERS = {"space": SPACE, "tab": "\t", "comma": ",", "semicolon": ";", " ": SPACE}

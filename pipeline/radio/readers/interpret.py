@@ -13,7 +13,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres, radians, stamp_ns, stamp_unit_of
 from wiclosure.formats.text_table import number_of
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
-from wiclosure.pipeline.radio.account import (
+from wiclosure.pipeline.radio.readers.account import (
     ANCHOR,
     DEGREES,
     EMPTY,
@@ -26,9 +26,9 @@ from wiclosure.pipeline.radio.account import (
     UNREADABLE,
     Account,
 )
-from wiclosure.pipeline.radio.rows import ReceivedAt, Row, Values
+from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row, Values
+from wiclosure.pipeline.radio.readers.tag_names import TagNames, canonical
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.pipeline.radio.tag_names import TagNames, canonical
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
 _MOST_BAD = 0.5  # of the rows: with more that cannot be read, the file is not what its mapping says

@@ -6,8 +6,8 @@ from dataclasses import replace
 from decimal import Decimal
 
 from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres, radians
+from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.pipeline.radio.tag_names import TagNames
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
 _KEYS = {
