@@ -136,7 +136,7 @@ class Dataset:
                 continue
             pattern, found = NamePattern(source.topic or ""), False
             for robot, recording in self.robots.items():
-                if bag_kind(recording.scans) and any(map(pattern.match, topic_names(recording.scans))):
+                if bag_kind(recording.scans) and any(map(pattern.fits, topic_names(recording.scans))):
                     found = True
                     yield source.of_bag(recording.scans, robot)
             if not found:
