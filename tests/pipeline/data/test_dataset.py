@@ -172,7 +172,7 @@ def test_a_topic_of_each_robots_own_bag(folder: Path, caplog: pytest.LogCaptureF
     caplog.clear()
     both = robots + "wireless: [{topic: /uwb, transmitter: two}]\n"
     dataset = load_dataset(
-        [str(written(folder, both.replace("two: {scans: two.bag}", "two: {scans: beta_bag}"), "a.yaml"))]
+        [str(written(folder, both.replace("two: {scans: two.bag}", "two: {scans: gamma}"), "a.yaml"))]
     )
     (measurement,) = (m for m in dataset.wireless_log().measurements if m.receiver == "one")
     assert (measurement.transmitter, measurement.range_m) == ("two", 7.0)
