@@ -14,6 +14,7 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config, load_config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.open_inputs import open_inputs
+from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.pipeline.report.progress_bars import BarProgress
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
@@ -45,7 +46,7 @@ def run(
     >>> result.metrics["filter"], result.metrics["pairs_kept"] <= result.metrics["pairs_total"]
     ('wiclosure', True)
     >>> result.merged["beta"]  # every scan of beta, in the frame of the map
-    Trajectory('beta', 20 poses, 3.8 s, 0.8 m)
+    Trajectory('beta', 20 poses, 3.8 s, 0.6 m)
 
     Args:
         data: a `dataset.yaml` or its folder, `scenario:NAME`, or recordings by the robot's name:
@@ -104,4 +105,4 @@ def _inputs(
         inputs = open_inputs(words, limit=limit)
         return replace(inputs, wireless=inputs.wireless + wireless)
     logs = [wireless] if isinstance(wireless, str | Path) else wireless
-    return open_inputs(words, wireless=[Path(log) for log in logs], limit=limit)
+    return open_inputs(words, wireless=sources_of_words(str(log) for log in logs), limit=limit)
