@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 
 from wiclosure.formats.radio_units import AzimuthZero
@@ -18,22 +18,23 @@ def absolute(findings: Sequence[Finding], source: RadioSource) -> list[Finding]:
     The source reads `s raw + z`; a correction of that, `s' (s raw + z) + z'`, is the sense `s' s` and the zero
     `s' z + z'`.
     """
-    turned = any("clockwise" in finding.settings for finding in findings)
-    return [replace(finding, settings=_settings(finding, source, turned)) for finding in findings]
+    stated = {key for finding in findings for key in finding.settings}
+    return [replace(finding, settings=_settings(finding, source, stated)) for finding in findings]
 
 
-def _settings(finding: Finding, source: RadioSource, turned: bool) -> dict[str, object]:
+def _settings(finding: Finding, source: RadioSource, stated: Set[str]) -> dict[str, object]:
+    """The keys of one finding; `stated` are those of all findings of the pair, relative."""
     settings = dict(finding.settings)
     if isinstance(shift_s := settings.get("time_offset"), int | float):
         settings["time_offset"] = round(source.time_offset + shift_s, 3)
     if "clockwise" in settings:
         settings["clockwise"] = not source.clockwise
-    stated = _QUARTERS[source.azimuth_zero] * (-1 if turned else 1)
-    found = next((quarter for zero, quarter in _QUARTERS.items() if settings.get("azimuth_zero") == zero), None)
+    quarter = _QUARTERS[source.azimuth_zero] * (-1 if "clockwise" in stated else 1)
+    found = next((number for zero, number in _QUARTERS.items() if settings.get("azimuth_zero") == zero), None)
     if found is not None:
-        settings["azimuth_zero"] = _zero(stated + found)
-    elif "clockwise" in settings and _zero(stated) != source.azimuth_zero:
-        settings["azimuth_zero"] = _zero(stated)  # the other sense turns the stated zero to the other side
+        settings["azimuth_zero"] = _zero(quarter + found)
+    elif "clockwise" in settings and "azimuth_zero" not in stated and _zero(quarter) != source.azimuth_zero:
+        settings["azimuth_zero"] = _zero(quarter)  # the other sense turns the stated zero to the other side
     return settings
 
 
