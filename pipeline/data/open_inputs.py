@@ -8,7 +8,7 @@ from wiclosure.errors import ConfigError
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.data.recording import RobotRecording
-from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.pipeline.runtime.cache import file_identity
 
 
@@ -16,7 +16,7 @@ def open_inputs(
     data: Sequence[str],
     *,
     topic: str | None = None,
-    wireless: Sequence[RadioSource] = (),
+    wireless: Sequence[str] = (),
     limit: int | None = None,
     salvage: bool = False,
 ) -> Inputs:
@@ -25,7 +25,7 @@ def open_inputs(
     Args:
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
-        wireless: radio logs besides those of the data set.
+        wireless: words that name radio logs besides those of the data set (see `sources_of_words`).
         limit: read at most so many scans per robot.
         salvage: use what can be read of damaged bags.
 
@@ -43,7 +43,7 @@ def open_inputs(
         from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario_inputs
 
         return scenario_inputs(*read_scenario_word(data[0]), limit=limit)
-    dataset = load_dataset(data, topic=topic, wireless=wireless)
+    dataset = load_dataset(data, topic=topic, wireless=sources_of_words(wireless))
     robots = tuple(
         RobotInput(
             robot=robot,
