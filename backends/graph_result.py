@@ -40,6 +40,10 @@ class GraphResult:
     values: gtsam.Values
     sigma_scale: float = 1.0
 
+    def __repr__(self) -> str:
+        joined = "; ".join(" and ".join(component) for component in self.components)
+        return f"GraphResult({joined}; {len(self.accepted)} of {len(self.closures)} closures accepted)"
+
     @property
     def unconnected(self) -> tuple[str, ...]:
         """Robots that do not lie in the first robot's frame."""

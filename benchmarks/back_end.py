@@ -30,14 +30,14 @@ from wiclosure.backends.consistency import PairGraph
 from wiclosure.backends.cycles import Cycles
 from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.frames import initial_frames
-from wiclosure.backends.g2o_reader import read_g2o
+from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.backends.streaming import StreamingBackEnd
 from wiclosure.drift import DriftModel
 from wiclosure.max_clique import max_clique
-from wiclosure.types import Closure, FloatArray, KeyframeId, Stage, Trajectory
+from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)  # closures here state their covariance in full
 NETWORKX_SECONDS = 60.0
@@ -153,8 +153,8 @@ def ate_m(result: GraphResult, truth: dict[str, FloatArray]) -> float:
 
 
 def accepted(closures: tuple[Closure, ...]) -> np.ndarray:
-    """Which closures were believed."""
-    return np.array([c.survived(Stage.CONSISTENCY) for c in closures])
+    """Which closures nothing has rejected."""
+    return np.array([c.rejected_at is None for c in closures])
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
@@ -188,7 +188,7 @@ def _random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
 def recorded(_: argparse.Namespace) -> None:
     """pcm_spoiled and argos_spoiled: false ones rejected, true ones kept, as good as without the false ones."""
     for name in ("pcm_spoiled/example_2robots", "argos_spoiled/example_2robots", "argos_spoiled/example_4robots"):
-        team = read_g2o(sorted((DATA / "pose_graphs" / name).glob("*.g2o")))
+        team = read_graphs(sorted((DATA / "pose_graphs" / name).glob("*.g2o")))
         true = _blatant(name, team.closures)
         checked = pairwise_consistent(team.closures, team.odometry, PcmSettings(noise=STATED, max_scale=10))
         settings = PoseGraphSettings(noise=STATED).scaled(checked.scale)

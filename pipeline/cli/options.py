@@ -129,7 +129,7 @@ class Working:
     @property
     def progress(self) -> Progress:
         """Bars, unless quiet."""
-        from wiclosure.pipeline.cli.progress_bars import BarProgress
+        from wiclosure.pipeline.report.progress_bars import BarProgress
         from wiclosure.pipeline.runtime.progress import NoProgress
 
         return NoProgress() if self.quiet else BarProgress()

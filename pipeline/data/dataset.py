@@ -74,6 +74,7 @@ class Dataset:
             return open_source(
                 recording.scans,
                 topic=recording.topic,
+                layout=recording.layout,
                 limit=limit,
                 salvage=salvage,
                 time_offset=recording.time_offset,
@@ -84,7 +85,7 @@ class Dataset:
     def ground_truth(self, robot: str, *, salvage: bool = False) -> Trajectory | None:
         """`T_world_body` of the robot, its clock set right, or None where nobody knows it.
 
-        From the robot's TUM file, or from `poses.txt` of a KITTI folder.
+        From the robot's file or topic, or from `poses.txt` of a KITTI folder.
 
         Raises:
             InputError: the file is malformed, or does not overlap in time with the scans.

@@ -20,11 +20,15 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.words import sources_of_entries
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.clouds.bin import LAYOUTS, record_type
 from wiclosure.suggestions import did_you_mean
 
 DATASET_FILE = "dataset.yaml"
@@ -108,14 +112,15 @@ def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     keys = _mapping(path, where, entry, known=tuple(ROBOT_KEYS))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')
-    if keys.get("odometry") is not None and keys.get("odometry_topic") is not None:
-        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic"; name one')
     values = {
         key: ROBOT_KEYS[key].read(path, f'"{key}" of {where}', value)
         for key, value in keys.items()
         if value is not None
     }
-    return RobotRecording(**values)
+    recording = RobotRecording(**values)
+    if recording.odometry and recording.odometry_topic and bag_kind(recording.odometry) is None:
+        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic", but the first is no bag; name one')
+    return recording
 
 
 def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) -> Mapping[str, Any]:
@@ -139,6 +144,30 @@ def _text(path: Path, what: str, value: object) -> str:
     if not isinstance(value, str) or not value:
         raise InputError(f"{path}: {what} is {_shown(value)}; expected text (in quotes if it looks like a number)")
     return value
+
+
+def _beside(path: Path, what: str, value: object) -> Path:
+    """A file that need not exist: ground truth that is missing is said when it is read, and stops nothing."""
+    return path.parent / Path(_text(path, what, value)).expanduser()
+
+
+def _settings(path: Path, what: str, value: object) -> dict[str, object]:
+    chosen = dict(_mapping(path, what, value, known=tuple(OdometrySettings.model_fields)))
+    try:
+        OdometrySettings.model_validate(chosen)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        raise InputError(f"{path}: {what}: {'.'.join(map(str, problem['loc']))}: {problem['msg']}") from None
+    return chosen
+
+
+def _layout(path: Path, what: str, value: object) -> str:
+    layout = _text(path, what, value)
+    try:
+        record_type(layout)
+    except InputError as error:
+        raise InputError(f"{path}: {what}: {error}") from None
+    return layout
 
 
 def _seconds(path: Path, what: str, value: object) -> float:
@@ -176,13 +205,26 @@ class RobotKey:
 
 
 ROBOT_KEYS: Mapping[str, RobotKey] = {
-    "scans": RobotKey(_existing, "path", "required: a bag, KITTI folder or folder of clouds"),
+    "scans": RobotKey(_existing, "path", "required: a bag, KITTI folder or folder of clouds (see docs/recordings.md)"),
     "topic": RobotKey(_text, "text", "topic of the point clouds; not needed where the bag has only one"),
+    "layout": RobotKey(
+        _layout,
+        "text",
+        f"what the records of `.bin` files hold: {', '.join(f'`{name}`' for name in LAYOUTS)}, or fields in their order"
+        " as `x y z intensity time:u4` (float32 where no type is said); default `kitti`",
+    ),
     "ground_truth": RobotKey(
-        _existing,
+        _beside,
         "path",
-        "true poses of the body in one world for all robots, TUM (`stamp x y z qx qy qz qw`, seconds, metres), only to"
-        " measure errors; a KITTI folder brings its own",
+        "true poses of the body in one world for all robots, only to measure errors: TUM (`stamp x y z qx qy qz qw`,"
+        " seconds, metres), EuRoC, KITTI poses (a line for each scan of a folder), or a bag; a KITTI folder brings its"
+        " own. What cannot be read is said and left out",
+    ),
+    "ground_truth_topic": RobotKey(
+        _text,
+        "text",
+        "topic of the true poses, in the bag that `ground_truth` names or else in that of the scans: odometry, poses or"
+        " transforms, of several transforms with its frames, as `/tf world->alpha`",
     ),
     "time_offset": RobotKey(
         _seconds,
@@ -194,13 +236,26 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
         _ranges, "topic: robot", "whom it measured on each `sensor_msgs/Range` topic of its bag, as `{/uwb_2: beta}`"
     ),
     "odometry": RobotKey(
-        _existing, "path", "its own odometry, TUM, in the place of KISS-ICP's; stamps in the clock of the scans"
+        _existing,
+        "path",
+        "its own odometry, TUM, EuRoC or a bag, in the place of KISS-ICP's; stamps in the clock of the scans, positions"
+        " in metres from anywhere (UTM too)",
     ),
-    "odometry_topic": RobotKey(_text, "text", "the same as a topic of its bag (`nav_msgs/Odometry`)"),
+    "odometry_topic": RobotKey(
+        _text,
+        "text",
+        "its topic, in the bag that `odometry` names or else in that of the scans; as `ground_truth_topic`",
+    ),
+    "odometry_settings": RobotKey(
+        _settings,
+        "setting: value",
+        "settings of `odometry` for this robot alone, as `{max_range_m: 40}`; they go before the configuration's",
+    ),
     "lidar_pose": RobotKey(
         _pose,
         "[x, y, z, qx, qy, qz, qw]",
-        "pose of the LiDAR in the body frame of that odometry, metres; default: they are the same",
+        "pose of the LiDAR in the body frame of that odometry, metres; default: what static transforms in the bag say,"
+        " else they are the same",
     ),
 }
 
@@ -211,21 +266,20 @@ def _shown(value: object) -> str:
 
 # ------------------------------------------------------------------------------------------------------------- writing
 def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
-    entry: dict[str, Any] = {"scans": _relative(folder, recording.scans)}
-    if recording.topic is not None:
-        entry["topic"] = recording.topic
-    if recording.ground_truth is not None:
-        entry["ground_truth"] = _relative(folder, recording.ground_truth)
-    if recording.time_offset:
-        entry["time_offset"] = recording.time_offset
-    if recording.ranges:
-        entry["ranges"] = dict(recording.ranges)
-    if recording.odometry is not None:
-        entry["odometry"] = _relative(folder, recording.odometry)
-    if recording.odometry_topic is not None:
-        entry["odometry_topic"] = recording.odometry_topic
-    if recording.lidar_pose is not None:
-        entry["lidar_pose"] = list(recording.lidar_pose)
+    """What is said of one robot, keys of their defaults left out."""
+    entry: dict[str, Any] = {}
+    for key in ROBOT_KEYS:
+        match getattr(recording, key):
+            case None | 0.0:
+                continue
+            case Path() as path:
+                entry[key] = _relative(folder, path)
+            case Mapping() as pairs:
+                entry |= {key: dict(pairs)} if pairs else {}
+            case tuple() as numbers:
+                entry[key] = list(numbers)
+            case value:
+                entry[key] = value
     return entry
 
 

@@ -84,7 +84,8 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         recording = RECORDERS[formats[robot]](folder / robot, scans, wireless)
         ground_truth = folder / f"{robot}_gt.tum"
         write_tum(ground_truth, scenario.ground_truth(robot))
-        robots[robot] = RobotRecording(recording, ground_truth=ground_truth)
+        as_simulated = {"elevation_correction_deg": 0.0} if formats[robot] == "kitti" else {}
+        robots[robot] = RobotRecording(recording, ground_truth=ground_truth, odometry_settings=as_simulated)
     write_wireless_log(folder / WIRELESS_FILE, wireless)
     write_dataset(folder / DATASET_FILE, robots, [RadioSource(path=folder / WIRELESS_FILE)])
     return folder / DATASET_FILE

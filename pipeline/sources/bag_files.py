@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.file_stamps import natural
+from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.salvage import mcap as salvage_mcap
 from wiclosure.pipeline.sources.salvage import ros1 as salvage_ros1
 from wiclosure.pipeline.sources.salvage import zstd

@@ -12,13 +12,13 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.bin import KITTI, check_layout, read_bin
 from wiclosure.pipeline.sources.clouds.columns import CloudReader
+from wiclosure.pipeline.sources.clouds.file_stamps import FileStamps, natural, stamps_of_names
 from wiclosure.pipeline.sources.clouds.las import read_las
 from wiclosure.pipeline.sources.clouds.pcd import read_pcd
 from wiclosure.pipeline.sources.clouds.ply import read_ply
-from wiclosure.pipeline.sources.file_stamps import FileStamps, natural, stamps_of_names
+from wiclosure.pipeline.sources.clouds.times_file import times_beside
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
-from wiclosure.pipeline.sources.times_file import times_beside
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)

@@ -9,10 +9,10 @@ import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.bin import check_layout, read_bin
-from wiclosure.pipeline.sources.file_stamps import natural
+from wiclosure.pipeline.sources.clouds.file_stamps import natural
+from wiclosure.pipeline.sources.clouds.times_file import read_lines
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
-from wiclosure.pipeline.sources.times_file import read_lines
 from wiclosure.types import IntArray, Scan
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))
@@ -55,11 +55,6 @@ class KittiSource:
     def description(self) -> str:
         """One line for the user."""
         return f"KITTI folder {self.path}, {len(self.scan_files)} scans"
-
-    @property
-    def elevation_correction_deg(self) -> float:
-        """What the sensor's calibration needs."""
-        return ELEVATION_CORRECTION_DEG
 
     def __len__(self) -> int:
         """Number of scan files."""

@@ -13,7 +13,7 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.frames import OneFrame
+from wiclosure.pipeline.sources.poses.frames import OneFrame
 from wiclosure.pipeline.sources.scan_messages import ScanDecoder, ScanMessage, ScanMessages
 from wiclosure.pipeline.sources.scan_topics import choose_topic
 from wiclosure.pipeline.sources.stamps import Stamped, mended

@@ -16,12 +16,15 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import Generic, NamedTuple, TypeVar
 
 logger = logging.getLogger(__name__)
 
 _AHEAD = 3  # messages that are looked at to tell a stray from a leap
 _LEAP_NS = 60 * 10**9  # both clocks may drift, and messages wait; so far apart they come by a fault alone
+
+_NEAR_NS = 5 * 10**7  # no stray that lies so near is beyond the next stamp
 
 _Content = TypeVar("_Content")
 
@@ -42,13 +45,14 @@ def mended(messages: Iterable[Stamped[_Content]], place: str) -> Iterator[tuple[
         place: what they are, for the log.
     """
     mender = _Mender(place)
-    window: deque[Stamped[_Content]] = deque()
-    for message in messages:
-        window.append(message)
-        if len(window) > _AHEAD:
-            yield from mender.first_of(window)
+    waiting = iter(messages)
+    window = deque(islice(waiting, 1))
     while window:
+        if not mender.is_plain(window[0]):  # only then: messages that wait are cold when their turn comes
+            window.extend(islice(waiting, _AHEAD + 1 - len(window)))
         yield from mender.first_of(window)
+        if not window:
+            window.extend(islice(waiting, 1))
     mender.report()
 
 
@@ -60,6 +64,12 @@ class _Mender:
         self._by_reception = False
         self._strays: list[int] = []
         self._late = self._number = 0
+
+    def is_plain(self, message: Stamped[_Content]) -> bool:
+        """Whether the stamp follows the last one, as the time of reception does: nothing after it need be known."""
+        if self._last_ns is None or self._by_reception or message.header_ns <= self._last_ns:
+            return False
+        return abs(message.header_ns - message.received_ns - self._clocks_differ_ns) <= _NEAR_NS
 
     def first_of(self, window: deque[Stamped[_Content]]) -> Iterator[tuple[int, _Content]]:
         """The first message with its stamp, or nothing where it is left out."""

@@ -54,6 +54,10 @@ class CandidatePairs:
                     f"candidate {name} has shape {getattr(self, name).shape}, index_a {self.index_a.shape}"
                 )
 
+    def __repr__(self) -> str:
+        predicted = "nothing" if self.predicts is None else self.predicts
+        return f"CandidatePairs({self.robot_a!r} and {self.robot_b!r}, {len(self)} pairs, {predicted} predicted)"
+
     def __len__(self) -> int:
         return len(self.index_a)
 

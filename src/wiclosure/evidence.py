@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.arrays import FloatArray
 
 # No closure worth having is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
@@ -55,6 +56,9 @@ class Prediction:
 
     def __post_init__(self) -> None:
         _check_shapes("prediction", self.T_query_match, self.covariance)
+
+    def __repr__(self) -> str:
+        return f"Prediction({self.kind}, {_shown(self.T_query_match, self.covariance)})"
 
     def widened(self, factor: float) -> Prediction:
         """The same with standard deviations so many times as large."""
@@ -111,6 +115,10 @@ class Measured:
     def __post_init__(self) -> None:
         _check_shapes("measurement", self.T_query_match, self.covariance)
 
+    def __repr__(self) -> str:
+        inliers = "" if self.evidence is None else f", {self.evidence.inliers} inliers"
+        return f"Measured({_shown(self.T_query_match, self.covariance)}{inliers})"
+
 
 @dataclass(frozen=True, slots=True)
 class Residual:
@@ -126,3 +134,11 @@ def _check_shapes(what: str, T_query_match: FloatArray, covariance: FloatArray) 
             f"{what}: T_query_match has shape {np.shape(T_query_match)}, covariance {np.shape(covariance)};"
             " expected (4, 4) and (6, 6)"
         )
+
+
+def _shown(T_query_match: FloatArray, covariance: FloatArray) -> str:
+    """How far and how turned a pose is, and how exactly it is known."""
+    distance_m = float(np.linalg.norm(T_query_match[:3, 3]))
+    sigma_rad, sigma_m = (float(np.sqrt(np.trace(block) / 3)) for block in (covariance[:3, :3], covariance[3:, 3:]))
+    turn_rad = float(se3.rotation_angle(T_query_match))
+    return f"{distance_m:.2f} m, {turn_rad:.3f} rad, sigma {sigma_m:.2f} m and {sigma_rad:.3f} rad"

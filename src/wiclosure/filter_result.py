@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from wiclosure import se3
 from wiclosure.arrays import BoolArray, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs
 
@@ -24,6 +25,11 @@ class AlignmentHypothesis:
     T_a_b: FloatArray
     log_likelihood: float
     paths_kept: tuple[tuple[int, int], ...]
+
+    def __repr__(self) -> str:
+        x, y, z = self.T_a_b[:3, 3]
+        where = f"x {x:.2f} m, y {y:.2f} m, z {z:.2f} m, yaw {float(se3.yaw(self.T_a_b)):.3f} rad"
+        return f"AlignmentHypothesis({where}, log-likelihood {self.log_likelihood:.1f}, {len(self.paths_kept)} paths)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +56,10 @@ class FrameAlignment:
     runner_up: AlignmentHypothesis | None = None
     heading_knowledge: str = "none"
     rivals: tuple[AlignmentHypothesis, ...] = ()
+
+    def __repr__(self) -> str:
+        verdict = "ambiguous" if self.ambiguous else "certain"
+        return f"FrameAlignment({self.robot_a!r} and {self.robot_b!r}, {verdict}: {self.reason})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +92,9 @@ class RadioLinks:
     range_sigma_m: FloatArray
     direction: FloatArray
     direction_covariance: FloatArray
+
+    def __repr__(self) -> str:
+        return f"RadioLinks({self.robot_a!r} and {self.robot_b!r}, {len(self)} links)"
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -128,6 +141,12 @@ class FilterResult:
     seconds: float = 0.0
     links: tuple[RadioLinks, ...] = ()
     checks: Mapping[tuple[str, str], ClosureCheck] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        kept = f"{self.pairs_kept} of {self.pairs_total} pairs kept"
+        ambiguous = sum(alignment.ambiguous for alignment in self.alignments)
+        aligned = f"{len(self.alignments) - ambiguous} of {len(self.alignments)} alignments certain"
+        return f"FilterResult({self.filter_name!r}, {kept}, {aligned}, {self.seconds:.2f} s)"
 
     @property
     def pairs_kept(self) -> int:

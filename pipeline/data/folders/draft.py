@@ -15,7 +15,7 @@ from wiclosure.pipeline.radio.read import RadioReading, read_radio
 from wiclosure.pipeline.radio.readers.tag_names import number_at_end
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.sources.info import TopicInfo
-from wiclosure.pipeline.sources.pose_topics import ODOMETRY_TYPE
+from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE
 
 GUESS = "GUESS"
 _ENDINGS = re.compile(r"([_.-]?(rosbag2?|bag2?|mcap|lidar|scans|data|recording)|\.\w+)+$", re.IGNORECASE)

@@ -97,7 +97,7 @@ def _columns(cloud: CompressedCloud) -> dict[str, NDArray[Any]]:
     # Its writer makes an attribute of each field, in their order; x y z, and normals, become one.
     merged = {name for names in _MERGED.values() for name in names[1:]}
     names = [field.name for field in cloud.fields if field.name.lower() not in merged]
-    by_order = sorted(attributes, key=lambda attribute: attribute["unique_id"])
+    by_order = list(attributes)
     if len(names) != len(by_order) or not any(a["attribute_type"] == _POSITION for a in by_order):
         found = [a for a in by_order if a["attribute_type"] == _POSITION]
         if not found:

@@ -1,8 +1,8 @@
 """The one decoder of `sensor_msgs/PointCloud2`: any field layout in, `Scan` out.
 
-The message's bytes are viewed in place as records.  Points that are no returns (NaN, infinite, at the origin) are found
-on that view, the remaining records are taken whole, and only then are the fields copied out: a point and its time and
-intensity stay together by construction.  This goes block by block, so that a block's bytes are read from memory once.
+The message's bytes are viewed in place as records, and their fields copied out block by block, so that a block's bytes
+are read from memory once.  Points that are no returns (NaN, infinite, at the origin) are then closed up, with their
+times and intensities, while the block is in the processor's cache.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def timed_scan(
     intensity: NDArray[Any] | None = None,
 ) -> Scan:
     """A scan of returns `(N, 3)` with their recorded times, but for points whose time is not a number or a stray."""
-    if raw_times is not None and len(raw_times) and not np.isfinite(raw_times.min() + raw_times.max()):
+    if raw_times is not None and raw_times.dtype.kind == "f" and not np.isfinite(raw_times.sum()):
         timed = np.isfinite(raw_times)
         points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
         intensity = None if intensity is None or raw_times is None else intensity[timed]
@@ -206,30 +206,29 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
     """Points `(M, 3)`, times and intensity `(M,)` of the returns among the records."""
     names, count = records.dtype.names or (), len(records)
     points = np.empty((count, 3))
-    times = np.empty(count, _wide(records.dtype["time"])) if "time" in names else None
-    intensity = np.empty(count, np.float32) if "intensity" in names else None
+    others: dict[str, NDArray[Any]] = {}
+    if "time" in names:
+        others["time"] = np.empty(count, _wide(records.dtype["time"]))
+    if "intensity" in names:
+        others["intensity"] = np.empty(count, np.float32)
     end = 0
     for start in range(0, count, _BLOCK):
-        block = _kept(records[start : start + _BLOCK])
-        here = slice(end, end + len(block))
+        block = records[start : start + _BLOCK]
+        here = points[end : end + len(block)]
         for column, name in enumerate("xyz"):
-            points[here, column] = block[name]
-        if times is not None:
-            times[here] = block["time"]
-        if intensity is not None:
-            intensity[here] = block["intensity"]
-        end = here.stop
-    return points[:end], None if times is None else times[:end], None if intensity is None else intensity[:end]
-
-
-def _kept(records: Records) -> Records:
-    """The records that are returns."""
-    returns = are_returns(records["x"], records["y"], records["z"])
-    if returns.all():
-        return records
-    # As plain bytes: NumPy moves a record of unnamed bytes at once, but a structured one field by field.
-    plain = records.view(np.dtype((np.void, records.dtype.itemsize)))
-    return plain.take(np.flatnonzero(returns)).view(records.dtype)
+            here[:, column] = block[name]
+        good = are_returns(block["x"], block["y"], block["z"])
+        if good.all():
+            for name, values in others.items():
+                values[end : end + len(block)] = block[name]
+            end += len(block)
+            continue
+        kept = np.flatnonzero(good)
+        here[: len(kept)] = here.take(kept, axis=0, mode="clip")  # which spares it the check of each index
+        for name, values in others.items():
+            values[end : end + len(kept)] = block[name].take(kept, mode="clip")
+        end += len(kept)
+    return points[:end], *(None if name not in others else others[name][:end] for name in ("time", "intensity"))
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:

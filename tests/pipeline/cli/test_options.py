@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from wiclosure.pipeline.cli.options import Configuration, Working, grouped
-from wiclosure.pipeline.cli.progress_bars import BarProgress
+from wiclosure.pipeline.report.progress_bars import BarProgress
 from wiclosure.pipeline.runtime.progress import NoProgress
 
 

@@ -27,8 +27,8 @@ from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
-from wiclosure.pipeline.sources.pose_topics import ODOMETRY_TYPE, read_odometry_topic
-from wiclosure.pipeline.stages.odometry import front_ends, left_out
+from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE, read_odometry_topic
+from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.types import FloatArray, Scan, Trajectory
 
 SHIFT = se3.from_yaw(0.4, np.array([3.0, -1.0, 0.5]))
@@ -156,7 +156,7 @@ def test_scans_outside_the_odometry_are_left_out_and_counted(tmp_path: Path) -> 
     (robot,) = open_inputs([str(tmp_path)]).robots
     fronts, _ = front_ends([robot], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
     assert len(fronts["alpha"].odometry) == 4
-    assert left_out(robot, fronts["alpha"]) == (
+    assert remarks(robot, fronts["alpha"], Config()) == (
         "alpha: 2 of 6 scans lie outside the recorded odometry and were skipped",
     )
 
@@ -177,13 +177,13 @@ def test_messages_that_repeat_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("entry", "complaint"),
     [
-        ("odometry_topic: /wheels", r"robot alpha: .*has no topic /wheels; its odometry topics: /odom"),
+        ("odometry_topic: /wheels", r"robot alpha: .*has no topic /wheels; its topics of poses: /odom"),
         (
             "odometry_topic: /points",
-            r"robot alpha: topic /points of .* is sensor_msgs/msg/PointCloud2; expected nav_msgs",
+            r"robot alpha: topic /points of .* is sensor_msgs/msg/PointCloud2; expected one of nav_msgs",
         ),
         ("odometry: none.tum", r'"odometry" of robot alpha names .*none.tum, which does not exist'),
-        ("odometry: alpha.bag, odometry_topic: /odom", r'has "odometry" and "odometry_topic"; name one'),
+        ("odometry: dataset.yaml, odometry_topic: /odom", r'has "odometry" and "odometry_topic".* no bag; name one'),
         (
             "odometry_topic: /odom, lidar_pose: [1, 2]",
             r'"lidar_pose" of robot alpha is \[1, 2\]; expected seven numbers',
