@@ -228,7 +228,8 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         for name, values in others.items():
             values[end : end + len(kept)] = block[name].take(kept, mode="clip")
         end += len(kept)
-    return points[:end], *(None if name not in others else others[name][:end] for name in ("time", "intensity"))
+    times, intensity = (others[name][:end] if name in others else None for name in ("time", "intensity"))
+    return points[:end], times, intensity
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:
