@@ -12,7 +12,7 @@ from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray, IntArray
 
 CHUNK = 2048  # pairs at once: bounds memory
-NULL_PAIRS = 4000  # recombined pairs from which the chance to agree is estimated
+NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 DEGREES = 6
 

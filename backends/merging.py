@@ -116,56 +116,56 @@ class MergeSettings:
 
 def merge(robots: Robots, settings: MergeSettings) -> Merged:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
-    scale = 1.0
-    if settings.most_scale > 1:
-        scale = _scale(robots, settings)
-    merged = _merged(robots.scaled(scale), settings, scale)
-    if settings.most_scale > 1:
-        left = sigma_scale.of_residuals(merged.settled.redundant)
-        better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
-        if not 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
-            merged = _merged(robots.scaled(better), settings, better)
-    return merged
-
-
-def _scale(robots: Robots, settings: MergeSettings) -> float:
-    """Of what robots say within themselves; else of the sets between them."""
-    scale, most = 1.0, settings.most_scale
     own = robots.own
-    if own.any():
-        everything = settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
-        known = sigma_scale.of_residuals(everything.redundant)
-        for _ in range(REFINEMENTS):
-            if known is None:
-                break
-            before, scale = scale, sigma_scale.settled(known, most)
-            if abs(np.log(scale / before)) < np.log(sigma_scale.NO_MATTER):
-                return scale
-            settled = _own(robots.scaled(scale), outlier_limit(len(robots.loops), settings.probability))
-            left = sigma_scale.of_residuals(settled.redundant)
-            known = None if left is None else scale * left
-        if known is not None:
+    everything = settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
+    if settings.most_scale <= 1:
+        return _merged(robots, settings, everything, 1.0)
+    scale = _scale(robots, settings, everything)
+    merged = _merged(robots, settings, everything, scale)
+    left = sigma_scale.of_residuals(merged.settled.redundant)
+    better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
+    if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
+        return merged
+    return _merged(robots, settings, everything, better)
+
+
+def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
+    """Of what robots say within themselves; else of the sets between them."""
+    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability)
+    known, scale = sigma_scale.of_residuals(everything.redundant), most
+    for _ in range(REFINEMENTS if known is not None else 0):
+        before, scale = scale, sigma_scale.settled(float(known), most)
+        if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
             return scale
-    settled = _own(robots, outlier_limit(len(robots.loops), settings.probability) * most**2)
-    pairs = _pairs(robots, np.arange(robots.count))
-    largest = sorted(pairs, key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [Comparison.of(_claims(robots, rows, np.arange(robots.count), settled)[0]) for rows in largest]
+        left = sigma_scale.of_residuals(_own(robots.scaled(scale), everything.scaled(scale), limit).redundant)
+        if left is None:
+            break
+        known = scale * left
+    if known is not None:
+        return scale
+    settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
+    alone = np.arange(robots.count)
+    largest = sorted(_pairs(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
+    comparisons = [Comparison.of(_claims(robots, rows, alone, settled)[0]) for rows in largest]
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
 
 
-def _own(robots: Robots, limit: float) -> Settled:
-    """Each robot by its own loops."""
-    own, poses = robots.own, robots.poses
+def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
+    """Each robot by its own loops: all of them, where none contradicts the others."""
+    own = robots.own
+    if not (everything.distance[own] > limit).any():
+        return everything
     inlier = own.copy()
-    if own.any():
-        inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), poses, robots.first_nodes, limit)
+    inlier[own], poses = graduated(
+        robots.odometry, robots.loops.subset(own), robots.poses, robots.first_nodes, limit
+    )
     return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
 
 
-def _merged(robots: Robots, settings: MergeSettings, scale: float) -> Merged:
+def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> Merged:
     """Round after round."""
-    limit = outlier_limit(len(robots.loops), settings.probability)
-    group, settled = np.arange(robots.count), _own(robots, limit)
+    limit, robots = outlier_limit(len(robots.loops), settings.probability), robots.scaled(scale)
+    group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
     of_robots: list[Candidate] | None = None
     while True:
         candidates = [c for rows in _pairs(robots, group) for c in _of_pair(robots, rows, group, settled, settings)]

@@ -7,7 +7,7 @@ estimate to itself, and its own residual would not tell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import f
@@ -43,6 +43,13 @@ class Settled:
     inlier: BoolArray
     distance: FloatArray
     redundant: FloatArray
+
+    def scaled(self, scale: float) -> Settled:
+        """The same with all standard deviations so many times as large."""
+        squared = scale**2
+        return replace(
+            self, wander=scale * self.wander, distance=self.distance / squared, redundant=self.redundant / squared
+        )
 
 
 def outlier_limit(closures: int, probability: float) -> float:
