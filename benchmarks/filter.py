@@ -51,7 +51,7 @@ def score(result: FilterResult, team: Team) -> Score:
     true = kept = both = 0
     inside, squared = [], []
     for pairs in result.pairs:
-        if pairs.predictor is None:
+        if pairs.predicts is None:
             continue  # nothing joins these robots
         a, b = team.truth[pairs.robot_a], team.truth[pairs.robot_b]
         near = np.linalg.norm(a.positions[:, None] - b.positions[None], axis=2) <= TRUE_M

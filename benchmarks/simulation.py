@@ -28,7 +28,7 @@ from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
 from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
-from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
 
 LENGTHS_M = range(100, 801, 100)
 APART_M = (0, 2, 5, 10, 20, 40, np.inf)
@@ -125,7 +125,7 @@ def recorded_team_error() -> tuple[int, float, float]:
             j = int(apart_m[i].argmin())
             T = se3.between(a.poses[i], b.poses[j]) @ se3.exp(rng.multivariate_normal(np.zeros(6), covariance))
             ends = KeyframeId(a.robot, i), KeyframeId(b.robot, j)
-            closures.append(Closure(*ends, T, covariance, Evidence(), Decision.VERIFIED))
+            closures.append(Closure.from_measurement(*ends, T, covariance))
     merged = optimise(team.odometry, closures, PoseGraphSettings()).trajectories
     joint = aligned_error(list(merged.values()), [team.truth[robot] for robot in merged])
     alone = [aligned_error([team.odometry[robot]], [truth]) for robot, truth in team.truth.items()]

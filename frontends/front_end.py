@@ -12,7 +12,7 @@ import numpy as np
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings, ScanContextSettings
-from wiclosure.frontends.elevation import raised
+from wiclosure.frontends.elevation import elevation_corrected
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.frontends.keyframes import KeyframeCollector
 from wiclosure.frontends.odometry import KissOdometry
@@ -70,7 +70,7 @@ class OdometryRun:
         self._scans += 1
         started = time.perf_counter()
         if self._settings.elevation_correction_deg:
-            scan = replace(scan, points=raised(scan.points, self._settings.elevation_correction_deg))
+            scan = replace(scan, points=elevation_corrected(scan.points, self._settings.elevation_correction_deg))
         chosen = self._usable(scan) and self._follow(scan)
         self._seconds += time.perf_counter() - started
         return chosen

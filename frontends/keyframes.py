@@ -51,18 +51,18 @@ class LocalMap:
 
 
 class Followed(Protocol):
-    """What has followed a scan."""
+    """Odometry that has registered a scan."""
 
     voxel_size_m: float
 
     @property
     def thinned(self) -> FloatArray | Float32Array:
-        """The last scan's points `(M, 3)`, one a voxel of half `voxel_size_m`."""
+        """The last scan's points `(M, 3)`, one per voxel of half `voxel_size_m`."""
         ...
 
 
 class KeyframeCollector:
-    """Keeps the keyframes of one robot's way: which scans they are, and their clouds."""
+    """Keeps the keyframes along one robot's path: which scans they are, and their clouds."""
 
     def __init__(self, settings: KeyframeSettings) -> None:
         self._settings = settings
@@ -100,7 +100,7 @@ class KeyframeCollector:
 
 
 def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:
-    """One point a voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
+    """One point per voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
     if len(points) == 0:
         return np.zeros((0, 3), np.float32)
     # One thread: with more, the result differs from run to run.

@@ -20,11 +20,11 @@ from wiclosure.backends.config import MapSettings, PcmSettings, PoseGraphSetting
 from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import (
+    IntraRobotLoopSettings,
     KeyframeSettings,
     MatchingSettings,
     OdometrySettings,
     RegistrationSettings,
-    RevisitSettings,
     ScanContextSettings,
 )
 from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings
@@ -45,7 +45,7 @@ class Config(Settings):
     use_filter: str = Field("wiclosure", description="candidate filter: wiclosure, none, range-gate, oracle, random")
     filter: FilterSettings = FilterSettings()
     matching: MatchingSettings = MatchingSettings()
-    revisits: RevisitSettings = RevisitSettings()
+    revisits: IntraRobotLoopSettings = IntraRobotLoopSettings()
     registration: RegistrationSettings = RegistrationSettings()
     pcm: PcmSettings = PcmSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()

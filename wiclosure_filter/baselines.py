@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from wiclosure.types import (
     FilterResult,
     FloatArray,
     IntArray,
+    PredictionKind,
     Trajectory,
     WirelessLog,
     WirelessMeasurement,
@@ -103,6 +105,7 @@ class TruePoses:
     """
 
     poses: Mapping[str, FloatArray]
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray

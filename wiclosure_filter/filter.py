@@ -14,6 +14,7 @@ from wiclosure.types import (
     ClosureCheck,
     FilterResult,
     FrameAlignment,
+    PredictionKind,
     Trajectory,
     WirelessLog,
     robot_pairs,
@@ -162,20 +163,19 @@ class WiClosureFilter:
             alignment = by_pair.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept)}")
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept, alignment)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
 
-    def _passed(self, kept: CandidatePairs) -> str:
+    def _passed(self, kept: CandidatePairs, alignment: FrameAlignment | None) -> str:
         """What became of the pairs of robots that nothing joins for certain."""
         if self.settings.on_ambiguous == "reject":
             return "every pair is rejected"
-        if isinstance(kept.predictor, RivalEstimates):
-            return (
-                f"{len(kept)} pairs possible under one of {len(kept.predictor.estimates)} likely alignments are passed"
-            )
-        known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
+        if alignment is not None and kept.predicts is PredictionKind.POSE:
+            likely = 1 + len(alignment.rivals)
+            return f"{len(kept)} pairs possible under one of {likely} likely alignments are passed"
+        known = "" if kept.predicts is None else ", with the relative heading that compasses tell"
         return f"every pair is passed{known}"
 
 

@@ -31,9 +31,7 @@ from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.search.segments import SegmentTree
-from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
-from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate
-from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstimate
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +69,7 @@ def save_pictures(
     written = []
     for pairs in result.pairs:
         alignment = alignments.get((pairs.robot_a, pairs.robot_b))
-        if pairs.predictor is None and alignment is None:
+        if pairs.predicts is None and alignment is None:
             continue
         figure = draw_pair(pairs, alignment, trajectories, wireless, settings)
         path = folder / f"filter_{_file_name(pairs.robot_a)}_{_file_name(pairs.robot_b)}.png"
@@ -115,9 +113,13 @@ def draw_pair(
 
 def _model(pairs: CandidatePairs) -> PairModel | None:
     """The prediction behind the pairs; of shortest routes the one over the first link, of rivals the likeliest."""
-    if not isinstance(pairs.predictor, JointEstimate | ShortestRouteEstimate | RivalEstimates):
-        return None
-    return pairs.predictor.models(pairs.robot_a, pairs.robot_b)[0]
+    estimate = _estimate(pairs)
+    return None if estimate is None else estimate.models(pairs.robot_a, pairs.robot_b)[0]
+
+
+def _estimate(pairs: CandidatePairs) -> SharedEstimate | None:
+    """The predictor, where it predicts displacements of all pairs: other filters' predictors cannot be drawn."""
+    return pairs.predictor if isinstance(pairs.predictor, SharedEstimate) else None
 
 
 def _draw_links(
@@ -178,8 +180,9 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
     )
     _road(axes, a, COLOR_A, pairs.robot_a)
     _road(axes, b, COLOR_B, pairs.robot_b)
-    rivals = len(pairs.predictor.estimates) if isinstance(pairs.predictor, RivalEstimates) else 1
-    which = "shared trajectory" if rivals == 1 else f"shared trajectory, the likeliest of {rivals}"
+    estimate = _estimate(pairs)
+    likely = 1 if estimate is None else estimate.alternatives
+    which = "shared trajectory" if likely == 1 else f"shared trajectory, the likeliest of {likely}"
     axes.set_title(f"{which}\n90 % of {pairs.robot_b}, seen from {pairs.robot_a}", fontsize=9)
     axes.legend(fontsize=8)
 

@@ -52,10 +52,7 @@ class Findings:
 
     Args:
         filtered: what the candidate filter kept.
-        registered: every proposed closure as registration left it.
-        verified: the same closures as the filter's check of their poses left them.
-        consistent: the same closures as PCM left them.
-        closures: the same closures as the graph left them.
+        closures: every proposed closure with its final decision.
         components: robots that accepted closures connect.
         keyframes: keyframe odometry by robot; candidates and closures refer to its indices.
         odometry: odometry by robot, of keyframes or of all scans.
@@ -63,9 +60,6 @@ class Findings:
     """
 
     filtered: FilterResult
-    registered: Sequence[Closure]
-    verified: Sequence[Closure]
-    consistent: Sequence[Closure]
     closures: Sequence[Closure]
     components: Sequence[Sequence[str]]
     keyframes: Mapping[str, Trajectory]
@@ -111,17 +105,8 @@ def evaluate(
         "pairs_kept": found.filtered.pairs_kept,
         "candidates": candidates,
         "candidates_registrable": registrable,
-        "closures": closure_metrics(found.verified, found.closures, judge),
-        "funnel": funnel(
-            candidates,
-            found.filtered,
-            registered=found.registered,
-            verified=found.verified,
-            consistent=found.consistent,
-            final=found.closures,
-            truth=truth,
-            judge=judge,
-        ),
+        "closures": closure_metrics(found.closures, judge),
+        "funnel": funnel(candidates, found.filtered, found.closures, truth, judge),
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,

@@ -28,7 +28,7 @@ class AlignmentHypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameAlignment:
-    """What the radio says of how two robots' odometry frames lie.
+    """What the radio tells of how two robots' odometry frames lie.
 
     Args:
         robot_a, robot_b: the robots.
@@ -112,8 +112,8 @@ class FilterResult:
         filter_name: registry name of the filter.
         pairs: kept pairs, one entry for each pair of robots (also when empty).
         pairs_total: how many pairs of keyframes there are between different robots.
-        alignments: one for each pair of robots of which the radio says anything.
-        diagnosis: sentences for the user: what was passed, rejected or left out, and why.
+        alignments: one for each pair of robots of which the radio tells anything.
+        diagnosis: sentences for the user: which pairs were kept, rejected or left out, and why.
         seconds: wall time spent.
         links: measurements that the kept pairs rest on, for the pose graph.
         checks: what measured closures of robots `(robot_a, robot_b)` can be held against where nothing is predicted for
@@ -131,5 +131,5 @@ class FilterResult:
 
     @property
     def pairs_kept(self) -> int:
-        """How many pairs passed."""
+        """How many pairs were kept."""
         return sum(len(p) for p in self.pairs)

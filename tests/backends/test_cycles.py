@@ -109,7 +109,8 @@ def test_the_legacy_cycle_is_zero_only_for_transforms_that_are_their_own_inverse
     stamps = np.arange(60, dtype=np.int64)
     odometry = {"alpha": Trajectory("alpha", stamps, line), "beta": Trajectory("beta", stamps, opposite)}
     closures = [
-        replace(c, T_query_match=se3.between(line[i * 10], opposite[i * 10])) for i, c in enumerate(there_and_back)
+        team.remeasured(c, T_query_match=se3.between(line[i * 10], opposite[i * 10]))
+        for i, c in enumerate(there_and_back)
     ]
     own_inverse, general = cycles_of(closures, odometry), cycles_of(there_and_back, team.odometry)
     others = np.arange(1, 6)

@@ -128,7 +128,7 @@ def test_oracle_predicts_nothing_by_truth_in_other_axes(
     sideways = se3.from_yaw(np.array([np.pi / 2]), np.zeros((1, 3)))[0]
     turned = world | {"beta": Trajectory("beta", world["beta"].stamps_ns, world["beta"].poses @ sideways)}
     result = OracleFilter(turned, OracleSettings()).candidates(odometry, WirelessLog())
-    assert [pairs.predictor is None for pairs in result.pairs] == [True, False, True]
+    assert [pairs.predicts is None for pairs in result.pairs] == [True, False, True]
     assert len(result.diagnosis) == 1
     assert "beta" in result.diagnosis[0]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog, worth_having
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog, capped_covariance
 from wiclosure.wiclosure_filter.alignment.mixture import Mixture
 from wiclosure.wiclosure_filter.alignment.observations import Observations, drift_from, drift_since
 from wiclosure.wiclosure_filter.alignment.refinement import Prior, climb
@@ -146,7 +146,7 @@ class AlignmentOdds:
         self, anchor: int, yaw_rad: float, covariance: FloatArray, lever_m: float, drift_m: float, drift_rad: float
     ) -> FloatArray:
         """Covariance `(4, 4)` of the state that a closure of covariance `(6, 6)` implies at the anchor."""
-        rotation, translation = np.split(np.diag(worth_having(covariance)), 2)
+        rotation, translation = np.split(np.diag(capped_covariance(covariance)), 2)
         yaw = rotation[2] + drift_rad**2
         spread = np.diag([yaw, *np.full(3, translation.max() + rotation.max() * lever_m**2 + drift_m**2)])
         # A state's place is that of the centre of b's antennas: a yaw error about the anchor moves it sideways.

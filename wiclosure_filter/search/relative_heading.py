@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings
 
 
@@ -32,6 +33,7 @@ class RelativeHeading:
     yaw_rad: float
     yaw_sigma_rad: float
     settings: FilterSettings
+    kind: ClassVar[PredictionKind] = PredictionKind.HEADING
 
     @classmethod
     def of(

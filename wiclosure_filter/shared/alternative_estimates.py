@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
@@ -32,6 +33,7 @@ class RivalEstimates:
 
     estimates: tuple[SharedEstimate, ...]
     settings: FilterSettings
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     @classmethod
     def of(
@@ -54,6 +56,11 @@ class RivalEstimates:
                 return None
             estimates.append(shared.estimates[pair])
         return cls(tuple(estimates), settings)
+
+    @property
+    def alternatives(self) -> int:
+        """How many alignments are likely."""
+        return len(self.estimates)
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Those of all estimates, the most likely one's first; each answers for every pair."""

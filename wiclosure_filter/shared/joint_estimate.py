@@ -14,13 +14,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
@@ -52,6 +53,8 @@ class JointEstimate:
     T_world_node: FloatArray
     covariance: JointCovariance
     dimensions: int
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
+    alternatives: ClassVar[int] = 1
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots."""

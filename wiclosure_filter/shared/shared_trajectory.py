@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, RadioLinks, Trajectory, WirelessLog
+from wiclosure.types import (
+    FloatArray,
+    FrameAlignment,
+    IntArray,
+    PredictionKind,
+    RadioLinks,
+    Trajectory,
+    WirelessLog,
+)
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
@@ -22,8 +30,19 @@ from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstima
 CONTRADICTION = 3.0
 
 
+@runtime_checkable
 class SharedEstimate(Protocol):
     """Predicts how keyframes of different robots lie to each other."""
+
+    @property
+    def kind(self) -> PredictionKind:
+        """See `wiclosure.types.RelativePosePredictor`."""
+        ...
+
+    @property
+    def alternatives(self) -> int:
+        """How many likely alignments it rests on; 1 where one is certain."""
+        ...
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models or more."""

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.types import AlignmentHypothesis, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import (
+    AlignmentHypothesis,
+    FrameAlignment,
+    Heading,
+    PredictionKind,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading
@@ -37,6 +45,7 @@ def test_rotations_follow_the_compasses_and_positions_stay_open() -> None:
     settings = FilterSettings()
     heading = RelativeHeading.of(ambiguous(YAW + 0.02), TEAM, settings)
     assert heading is not None
+    assert heading.kind is PredictionKind.HEADING
     i, j = (grid.ravel() for grid in np.indices((40, 40)))
     T_a_b, covariance = heading.relative_poses("alpha", i, "beta", j)
     turned = se3.from_yaw(YAW, np.zeros(3)) @ TEAM["beta"].poses[j]

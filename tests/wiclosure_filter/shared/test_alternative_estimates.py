@@ -11,7 +11,15 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.filter_summary import filter_summary
-from wiclosure.types import FilterResult, FloatArray, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import (
+    FilterResult,
+    FloatArray,
+    Heading,
+    PredictionKind,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
@@ -96,6 +104,7 @@ def test_a_pair_possible_under_one_answer_only_is_predicted_by_that_one() -> Non
     result, _ = filtered(1)
     (pairs,) = result.pairs
     assert isinstance(pairs.predictor, RivalEstimates)
+    assert (pairs.predicts, pairs.predictor.alternatives) == (PredictionKind.POSE, 2)
     single = [
         pairs.predictor.overlap_probability(e, "alpha", pairs.index_a, "beta", pairs.index_b)
         for e in pairs.predictor.estimates

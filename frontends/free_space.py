@@ -1,8 +1,8 @@
-"""What a sensor saw past: the test that tells look-alike places apart.
+"""Free space that a scan proves: the test that tells look-alike places apart.
 
 Two clouds of repetitive surroundings fit each other under many poses, and what one shows and the other lacks proves
-nothing: it may be hidden, or out of range.  But where one sensor looked right through a point of the other, nothing can
-stand there, and the pose is wrong.
+nothing: it may be hidden, or out of range.  But where the rays of one sensor end well behind a point of the other,
+nothing can stand there, and the pose is wrong: a free-space conflict.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _PAST_VOXELS, _PAST_SHARE = 2.0, 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """The rays of one scan, by direction.
+class FreeSpace:
+    """The space that the rays of one scan passed, by direction.
 
     Args:
         directions: search tree of the directions' unit vectors.
@@ -42,8 +42,8 @@ class Sight:
         ranges_m = np.maximum(np.linalg.norm(points, axis=1), 1e-6)
         return cls(cKDTree(points / ranges_m[:, None]), ranges_m, voxel_m)
 
-    def past(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Which of the points `(M, 3)` the sensor looked right through.
+    def conflicts(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Which of the points `(M, 3)` lie where the sensor saw free space.
 
         Every ray near the point's direction, and there must be three, ends well behind it.
         """

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.frontends.prepared_cloud import PreparedCloud
-from wiclosure.types import FloatArray
+from wiclosure.types import FloatArray, Measured, Prediction, RegistrationEvidence, capped_covariance
 
 _POINTS_SHARING_AN_ERROR = 30.0
 
@@ -23,54 +23,47 @@ _LEAST_INFORMATION = 1e-3  # keeps directions that nothing constrains finite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measurement:
-    """One local optimum of a registration.
-
-    Args:
-        T_query_match: `(4, 4)`.
-        covariance: `(6, 6)`, right perturbation, `[rotation, translation]`.
-        inliers: points of structure of either cloud that lie on the other.
-        inlier_ratio: mean over both clouds of the share of structure that lies on the other.
-        agreement: share of the points that match among those that match or that the other sensor looked through; of the
-            cloud that has the smaller one.
-        rms_m: root mean square of the distances of matched points.
-    """
+class RegistrationResult:
+    """One local optimum of a registration: its pose and covariance, and how well the clouds agree under it."""
 
     T_query_match: FloatArray
     covariance: FloatArray
-    inliers: int
-    inlier_ratio: float
-    agreement: float
-    rms_m: float
+    evidence: RegistrationEvidence
+
+    @classmethod
+    def of(cls, query: PreparedCloud, match: PreparedCloud, T_query_match: FloatArray, covariance: FloatArray) -> Self:
+        """How well two clouds agree under a pose: points of structure count as matched within one voxel."""
+        T_match_query = se3.inverse(T_query_match)
+        seen = (
+            _structure_seen(query, se3.transform(T_query_match, match.structure)),
+            _structure_seen(match, se3.transform(T_match_query, query.structure)),
+        )
+        near = np.concatenate([found.gaps_m for found in seen])
+        evidence = RegistrationEvidence(
+            inliers=len(near),
+            inlier_ratio=float(np.mean([found.share for found in seen])),
+            agreement=min(found.agreement for found in seen),
+            rms_m=float(np.sqrt(np.square(near).mean())) if len(near) else float("nan"),
+        )
+        return cls(T_query_match, covariance, evidence)
 
     @property
     def score(self) -> float:
-        """What decides between poses of the same clouds: a point looked through weighs twenty times a matched one.
+        """What decides between poses of the same clouds: a free-space conflict weighs twenty times a match.
 
         Between equal pillars a wrong pose may match more points than the true one, where what would contradict it is
         hidden or out of range.
         """
-        return float(self.inlier_ratio * self.agreement**_REFUTATION_WEIGHT)
+        return float(self.evidence.inlier_ratio * self.evidence.agreement**_REFUTATION_WEIGHT)
 
+    def chi2(self, prediction: Prediction) -> float:
+        """Squared Mahalanobis distance from a prediction."""
+        error = se3.log(se3.between(prediction.T_query_match, self.T_query_match))
+        return float(error @ np.linalg.solve(prediction.covariance + capped_covariance(self.covariance), error))
 
-def evaluate(
-    query: PreparedCloud, match: PreparedCloud, T_query_match: FloatArray, covariance: FloatArray
-) -> Measurement:
-    """How well two clouds agree under a pose: points of structure count as matched within one voxel."""
-    T_match_query = se3.inverse(T_query_match)
-    seen = (
-        _structure_seen(query, se3.transform(T_query_match, match.structure)),
-        _structure_seen(match, se3.transform(T_match_query, query.structure)),
-    )
-    near = np.concatenate([found.gaps_m for found in seen])
-    return Measurement(
-        T_query_match=T_query_match,
-        covariance=covariance,
-        inliers=len(near),
-        inlier_ratio=float(np.mean([found.share for found in seen])),
-        agreement=min(found.agreement for found in seen),
-        rms_m=float(np.sqrt(np.square(near).mean())) if len(near) else float("nan"),
-    )
+    def measured(self, prediction_chi2: float | None) -> Measured:
+        """What a closure keeps of it."""
+        return Measured(self.T_query_match, self.covariance, replace(self.evidence, prediction_chi2=prediction_chi2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +79,7 @@ def _structure_seen(by: PreparedCloud, points: FloatArray) -> _Seen:
     gaps_m = by.levels[-1].distances(points)
     matched = gaps_m < by.voxel_m
     count = int(matched.sum())
-    refuted = int(by.sight.past(points[~matched]).sum())
+    refuted = int(by.free_space.conflicts(points[~matched]).sum())
     return _Seen(gaps_m[matched], count / max(len(points), 1), count / max(count + refuted, 1))
 
 

@@ -1,18 +1,22 @@
-"""Places that a robot comes back to: candidates for closures within one trajectory (DiSCo-SLAM's second stage)."""
+"""Candidates for loop closures within one robot's own trajectory (DiSCo-SLAM's second stage)."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import numpy as np
 from scipy import stats
 
-from wiclosure.frontends.config import RevisitSettings
-from wiclosure.types import CandidatePairs, FloatArray, IntArray, Trajectory
+from wiclosure.frontends.config import IntraRobotLoopSettings
+from wiclosure.types import CandidatePairs, FloatArray, IntArray, PredictionKind, Trajectory
 
 _ROWS_AT_ONCE = 256
 
 
 class OdometryPredictor:
     """Predicts where a robot was relative to where it is by its odometry, whose drift says how sure that is."""
+
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     def __init__(self, keyframes: Trajectory) -> None:
         self._keyframes = keyframes
@@ -24,8 +28,8 @@ class OdometryPredictor:
         return self._keyframes.relative_pose(index_a, index_b), self._keyframes.relative_covariance(index_a, index_b)
 
 
-def revisits(keyframes: Trajectory, settings: RevisitSettings) -> CandidatePairs:
-    """Pairs of keyframes between which the robot went far enough, and which odometry cannot tell to be far apart.
+def intra_robot_loops(keyframes: Trajectory, settings: IntraRobotLoopSettings) -> CandidatePairs:
+    """Pairs of keyframes between which the robot travelled far enough, and which odometry cannot tell to be far apart.
 
     The later keyframe is `index_b`.
     """
@@ -39,7 +43,7 @@ def revisits(keyframes: Trajectory, settings: RevisitSettings) -> CandidatePairs
     return CandidatePairs(robot, robot, index_a, index_b, unknown, unknown, OdometryPredictor(keyframes))
 
 
-def _near(keyframes: Trajectory, rows: IntArray, settings: RevisitSettings) -> tuple[IntArray, IntArray]:
+def _near(keyframes: Trajectory, rows: IntArray, settings: IntraRobotLoopSettings) -> tuple[IntArray, IntArray]:
     travelled = keyframes.distance[None, :] - keyframes.distance[rows, None]
     a, b = np.nonzero(travelled >= settings.min_travel_m)
     a = rows[a]
