@@ -101,7 +101,7 @@ def closure_sets(
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
-    robots = sorted(trajectories, key=lambda robot: _first_step(trajectories[robot]))
+    robots = canonical_order(trajectories)
     order = {robot: rank for rank, robot in enumerate(robots)}
     rows: dict[tuple[int, int], list[int]] = {}
     unusable: dict[int, str] = {}
@@ -124,6 +124,11 @@ def decided(closures: Sequence[Closure], stage: Stage, verdicts: Mapping[int, Ve
     for row, (accepted, reason) in verdicts.items():
         result[row] = result[row].accepted(stage, reason) if accepted else result[row].rejected(stage, reason)
     return result
+
+
+def canonical_order(trajectories: Mapping[str, Trajectory]) -> list[str]:
+    """The robots in an order that depends on how each started, and not on names, frames or the order given."""
+    return sorted(trajectories, key=lambda robot: _first_step(trajectories[robot]))
 
 
 def _first_step(trajectory: Trajectory) -> list[float]:

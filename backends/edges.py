@@ -5,6 +5,7 @@ Everything here is vectorised over the edges; the sparse normal equations are fa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,23 +41,21 @@ class Edges:
         return len(self.first)
 
     def __add__(self, more: Edges) -> Edges:
-        return Edges(*(np.concatenate(pair) for pair in zip(self._arrays(), more._arrays(), strict=True)))
+        return Edges.stacked([self, more])
+
+    @classmethod
+    def stacked(cls, parts: Sequence[Edges]) -> Edges:
+        """One after another."""
+        none = cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4)), np.zeros((0, 6, 6)))
+        return cls(*(np.concatenate(arrays) for arrays in zip(*(e._arrays() for e in (none, *parts)), strict=True)))
 
     def subset(self, rows: IntArray) -> Edges:
         """The edges at `rows`, boolean or indices."""
         return Edges(*(array[rows] for array in self._arrays()))
 
-    def renumbered(self, new: IntArray) -> Edges:
-        """With node n called `new[n]`."""
-        return Edges(new[self.first], new[self.second], self.T, self.covariance)
-
     def errors(self, poses: FloatArray) -> FloatArray:
         """Tangent vectors `(M, 6)` from each measurement to the poses `(N, 4, 4)`."""
         return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
-
-    def chi_squares(self, poses: FloatArray) -> FloatArray:
-        """Squared Mahalanobis distances `(M,)` of the same."""
-        return mahalanobis_squared(self.errors(poses), self.covariance)
 
     def _arrays(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         return self.first, self.second, self.T, self.covariance
@@ -90,6 +89,10 @@ class System:
     def residuals(self, poses: FloatArray) -> FloatArray:
         """Whitened errors `(M, 6)`."""
         return np.asarray(np.einsum("mij,mj->mi", self.W, self.edges.errors(poses)))
+
+    def chi_squares(self, poses: FloatArray) -> FloatArray:
+        """Squared Mahalanobis distances `(M,)`."""
+        return np.asarray(np.sum(self.residuals(poses) ** 2, axis=1))
 
     def jacobians(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened derivatives `(M, 6, 6)` by perturbations of both ends in their bodies."""
@@ -148,7 +151,7 @@ class System:
         return self.factorised(J, weights, 0.0).solve(right).reshape(self.size, 6, -1)
 
     def _cost(self, poses: FloatArray, weights: FloatArray) -> float:
-        return float(np.sum(weights[:, None] * self.residuals(poses) ** 2))
+        return float(weights @ self.chi_squares(poses))
 
 
 def _inverse_right_jacobian(xi: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
-from wiclosure.backends.consistency import chi_square_limit
+from wiclosure.backends.clique import chi_square_limit
 from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.pcm import IncrementalPcm

@@ -14,7 +14,7 @@ from kitti import DATA
 from scipy.spatial import cKDTree
 
 from wiclosure import se3
-from wiclosure.types import Closure, Decision, Evidence, FloatArray, IntArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Trajectory
 
 GRAPHS = DATA / "pose_graphs"
 
@@ -96,7 +96,7 @@ def closure(
 ) -> Closure:
     """Between two nodes, by the names of their robots."""
     ends = (KeyframeId(names[graph.robot[n]], int(n - start[n])) for n in (i, j))
-    return Closure(*ends, T, covariance, Evidence(), Decision.VERIFIED)
+    return Closure.from_measurement(*ends, T, covariance)
 
 
 def random_loops(
