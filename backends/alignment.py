@@ -13,6 +13,7 @@ from wiclosure.types import FloatArray, IntArray
 
 ANCHORS = 400  # closures that all others are compared with; more would not find another set
 MOST_SETS = 4
+FEW = 4  # closures, of which each may be a set of its own: third robots may tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,9 @@ class Comparison:
             taken |= belongs
             medoid = self.anchors[members[np.argmax((agree[members][:, rows]).sum(axis=1))]]
             found.append(Hypothesis(rows, int(medoid), p, len(self.claims)))
+        if len(self.claims) <= FEW:
+            alone = np.flatnonzero(~taken)
+            found += [Hypothesis(np.array([row]), int(row), p, len(self.claims)) for row in alone]
         return found
 
 

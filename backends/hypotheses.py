@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -11,14 +11,21 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.alignment import Comparison, Hypothesis
-from wiclosure.backends.claims import CHUNK, chance_to_agree
+from wiclosure.backends.claims import CHUNK, Claims, chance_to_agree
 from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray
 
-SATURATED = 3  # closures beyond which a set is no more certain: one look-alike street yields any number
+SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
 RECOMBINED = 300  # frames tried to see whether chance closes a cycle as well
 MOST_CYCLES = 300_000
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
+
+
+Frame = tuple[FloatArray, FloatArray, FloatArray]
+"""Transforms `(..., 4, 4)`, their covariances by measurement, and samples of their errors by the groups' estimates."""
+
+Places = Mapping[int, tuple[FloatArray, FloatArray]]
+"""By group: poses `(K, 4, 4)` of its nodes and samples `(K, 6, S)` of their errors."""
 
 
 @dataclass(eq=False)
@@ -30,6 +37,7 @@ class Candidate:
         rows: closures, of all.
         hypothesis, comparison: from `alignment`.
         doubt: why the pair alone does not settle it; empty if it does.
+        extent: of the closures' ends along either path, by how far apart scans still match.
         support, contradiction: of cycles over third groups.
     """
 
@@ -39,6 +47,7 @@ class Candidate:
     hypothesis: Hypothesis
     comparison: Comparison
     doubt: str = ""
+    extent: float = 1.0
     support: float = 0.0
     contradiction: float = 0.0
     fallen: str = ""
@@ -55,8 +64,13 @@ class Candidate:
 
     @property
     def weight(self) -> float:
-        """What it counts for against others."""
-        return float(min(len(self), SATURATED))
+        """What it counts for against others: closures, half as much where they all see one place."""
+        return min(len(self), SATURATED) * 0.5 * (1.0 + min(self.extent, 1.0))
+
+    @property
+    def strength(self) -> float:
+        """Its weight, and that of cycles which close over it."""
+        return self.weight + self.support
 
     @property
     def holds(self) -> bool:
@@ -64,27 +78,40 @@ class Candidate:
         return not self.fallen and (not self.doubt or self.support > 0)
 
 
-def settle_cycles(candidates: Sequence[Candidate], limit: float) -> None:
-    """Closes all cycles of three; sets that more speaks against than for fall, open ones that a cycle closes hold.
+def settle_cycles(candidates: Sequence[Candidate], places: Places, limit: float, clearly: float) -> None:
+    """Closes all cycles of three: open sets that a cycle closes hold, sets that more speaks against than for fall.
 
-    Cycles of an unrelated third set close by chance only; recombined closures tell how often.
+    Of an open cycle the weakest set falls alone only if it is clearly so, else all that are about as weak: which of
+    them is wrong, nothing tells.
+
+    Args:
+        candidates: all sets.
+        places: where closures could be, to see how often chance closes a cycle.
+        limit: squared distance within which a cycle closes.
+        clearly: share of another's strength below which a set is the weaker one.
     """
     cycles = _cycles(candidates)
     if not cycles:
         return
     closed = _distances(candidates, cycles) <= limit
-    telling = np.array([not shut or _telling(candidates, cycle, limit) for cycle, shut in zip(cycles, closed, strict=True)])
-    alive = [(cycle, bool(shut)) for cycle, shut, tells in zip(cycles, closed, telling, strict=True) if tells]
+    rare = EXPECTED_BY_CHANCE / len(cycles)
+    alive = [
+        (cycle, bool(shut))
+        for cycle, shut in zip(cycles, closed, strict=True)
+        if not shut or _chance_to_close(candidates, cycle, places, limit) <= rare
+    ]
     while True:
         _weigh(candidates, alive)
-        standing = [c for c in candidates if not c.fallen]
-        worst = max(standing, key=lambda c: c.contradiction - c.support - c.weight, default=None)
-        if worst is None or worst.contradiction < worst.support + worst.weight:
+        contested = [c for c in candidates if c.contradiction > 0]
+        worst = max(contested, key=lambda c: c.contradiction - c.strength, default=None)
+        if worst is None or worst.contradiction < clearly * worst.strength:
             return
-        excess = worst.contradiction - worst.support - worst.weight
-        falling = [c for c in standing if c.contradiction - c.support - c.weight >= excess]
-        for candidate in falling:
-            candidate.fallen = "contradicts sets of closures with other robots"
+        for cycle, shut in alive:
+            members = [candidates[n] for n in cycle]
+            if not shut and any(m is worst for m in members) and all(m.holds for m in members):
+                for member in members:
+                    if member.strength <= worst.strength / clearly:
+                        member.fallen = "contradicts the closures with other robots, over a third one"
         gone = {n for n, c in enumerate(candidates) if c.fallen}
         alive = [(cycle, shut) for cycle, shut in alive if not gone & set(cycle)]
 
@@ -99,7 +126,7 @@ def _weigh(candidates: Sequence[Candidate], alive: Sequence[tuple[tuple[int, int
     holding = [candidate.holds for candidate in candidates]
     for cycle, shut in alive:
         for n in cycle if not shut and all(holding[m] for m in cycle) else ():
-            candidates[n].contradiction += min(candidates[m].weight + candidates[m].support for m in cycle if m != n)
+            candidates[n].contradiction += min(candidates[m].strength for m in cycle if m != n)
 
 
 def _cycles(candidates: Sequence[Candidate]) -> list[tuple[int, int, int]]:
@@ -135,7 +162,6 @@ def _distances(candidates: Sequence[Candidate], cycles: Sequence[tuple[int, int,
     return np.concatenate(found)
 
 
-Frame = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def _closing(ab: Frame, bc: Frame, ac: Frame) -> tuple[FloatArray, FloatArray]:
@@ -147,19 +173,23 @@ def _closing(ab: Frame, bc: Frame, ac: Frame) -> tuple[FloatArray, FloatArray]:
     return error, covariance
 
 
-def _telling(candidates: Sequence[Candidate], cycle: tuple[int, int, int], limit: float) -> bool:
-    """Whether closures recombined on the first pair would hardly ever close the cycle."""
+def _chance_to_close(
+    candidates: Sequence[Candidate], cycle: tuple[int, int, int], places: Places, limit: float
+) -> float:
+    """How often the cycle would close if the first set's measurement were taken at any other places of its groups."""
     ab, bc, ac = (candidates[n] for n in cycle)
-    claims = ab.comparison.claims
-    n = len(claims)
-    rng = np.random.default_rng(n)
-    first, second = rng.integers(0, n, (2, RECOMBINED))
-    apart = first != second
-    if not apart.any():
-        return False
-    unrelated = claims.recombined(first[apart], second[apart])
+    claims, medoid = ab.comparison.claims, ab.hypothesis.medoid
+    rng = np.random.default_rng(len(candidates))
+    (poses_a, wander_a), (poses_b, wander_b) = (places[group] for group in (ab.a, ab.b))
+    at_a, at_b = rng.integers(0, len(poses_a), RECOMBINED), rng.integers(0, len(poses_b), RECOMBINED)
+    same = np.full(RECOMBINED, medoid)
+    unrelated = Claims(
+        poses_a[at_a], poses_b[at_b], claims.T_a_b[same], claims.covariance[same], wander_a[at_a], wander_b[at_b]
+    )
     error, covariance = _closing(
-        (unrelated.frames, unrelated.noise, unrelated.wander), (bc.frame, bc.noise, bc.wander), (ac.frame, ac.noise, ac.wander)
+        (unrelated.frames, unrelated.noise, unrelated.wander),
+        (bc.frame, bc.noise, bc.wander),
+        (ac.frame, ac.noise, ac.wander),
     )
     distances = np.sort(mahalanobis_squared(error, covariance))
-    return chance_to_agree(distances, limit, n) <= 0.05
+    return chance_to_agree(distances, limit, min(len(poses_a), len(poses_b)))

@@ -17,11 +17,13 @@ from wiclosure.backends import sigma_scale
 from wiclosure.backends.alignment import Comparison
 from wiclosure.backends.claims import Claims
 from wiclosure.backends.edges import Edges, mahalanobis_squared
-from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE, Candidate, settle_cycles
+from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE, Candidate, Places, settle_cycles
 from wiclosure.backends.settling import Settled, graduated, outlier_limit, settle
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-PLACE_PAIRS = 100  # pairs of places among which one is expected to look alike: a tenth of either path or more is no chance
+PLACE_PAIRS = 50  # pairs of places among which two may look alike: a seventh of both paths is not one of them
+VIEW_STEPS = 10.0  # steps of odometry between scans that see the same: it is odometry that matched them
+
 REFINEMENTS = 4  # of the scale of sigma
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
 
@@ -169,7 +171,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
     of_robots: list[Candidate] | None = None
     while True:
         candidates = [c for rows in _pairs(robots, group) for c in _of_pair(robots, rows, group, settled, settings)]
-        settle_cycles(candidates, settings.agree_limit)
+        settle_cycles(candidates, _places(robots, group, settled), settings.agree_limit, settings.rival_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = [c for c in candidates if c.holds]
         if not holding:
@@ -216,32 +218,51 @@ def _of_pair(
     """Sets between two groups, with the doubts that the pair alone leaves."""
     claims, a, b = _claims(robots, rows, group, settled)
     comparison = Comparison.of(claims)
-    hypotheses = [h for h in comparison.hypotheses(settings.agree_limit) if len(h) >= settings.min_size]
+    hypotheses = comparison.hypotheses(settings.agree_limit)
     found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
     for candidate in found:
-        candidate.doubt = _doubt(robots, candidate, group)
+        candidate.extent = _extent(robots, candidate)
+        candidate.doubt = _doubt(robots, candidate, group, settings.min_size)
     _rivals(found, settings.rival_share)
     return found
 
 
-def _doubt(robots: Robots, candidate: Candidate, group: IntArray) -> str:
-    """Chance, or one place that may look like another."""
+def _places(robots: Robots, group: IntArray, settled: Settled) -> Places:
+    """Where closures of each group could be."""
+    of_node = group[robots.robot]
+    return {int(g): (settled.poses[of_node == g], settled.wander[of_node == g]) for g in np.unique(group)}
+
+
+def _extent(robots: Robots, candidate: Candidate) -> float:
+    """How far the closures' ends lie apart on either path, by how far apart scans still match."""
+    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * _step(robots))
+    return _span(candidate) / max(reach, 1e-9)
+
+
+def _span(candidate: Candidate) -> float:
+    """The same in metres."""
+    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
+
+
+def _doubt(robots: Robots, candidate: Candidate, group: IntArray, min_size: int) -> str:
+    """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
     size, total = len(candidate), candidate.hypothesis.total
+    if size == 1:
+        return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
+    if size < min_size:
+        return f"no more than {size} of the {total} closures agree, {min_size} must"
     if candidate.hypothesis.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
-    if robots.predicted[candidate.rows].any():
-        return ""
-    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
-    reach = float(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1).max())
-    extents = [float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b)]
     lengths = robots.path_lengths()
     length_a, length_b = (float(lengths[group == g].sum()) for g in (candidate.a, candidate.b))
-    reach = max(reach, 3.0 * _step(robots))
-    places = length_a * length_b / max(extents[0] * extents[1], 1e-12)
-    if min(extents) >= reach or places <= PLACE_PAIRS:
+    span = _span(candidate)
+    covered = span**2 * PLACE_PAIRS >= length_a * length_b
+    if candidate.extent >= 1 or covered or robots.predicted[candidate.rows].any():
         return ""
     return (
-        f"all {size} closures that agree lie within {min(extents):.1f} m, as those of one look-alike place would;"
+        f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"
         " nothing else supports them"
     )
 
@@ -255,9 +276,6 @@ def _rivals(found: Sequence[Candidate], rival_share: float) -> None:
     """Two sets of one pair that contradict each other and are alike in size leave it open."""
     sure = [c for c in found if not c.doubt]
     if len(sure) < 2:
-        for candidate in found:
-            if sure and candidate is not sure[0]:
-                candidate.doubt = candidate.doubt or "smaller"
         return
     largest, rival = sorted(sure, key=len, reverse=True)[:2]
     close = len(rival) >= rival_share * len(largest)
