@@ -1,4 +1,4 @@
-"""Hypotheses of how two groups of robots lie to each other: dense sets of closures, and whether chance explains them."""
+"""How two groups of robots may lie to each other: dense sets of closures, and whether chance explains them."""
 
 from __future__ import annotations
 

@@ -46,9 +46,7 @@ class Claims:
     def recombined(self, rows: IntArray, others: IntArray) -> Claims:
         """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
         of_row, of_other = self.subset(rows), self.subset(others)
-        return Claims(
-            of_row.T_A_a, of_other.T_B_b, of_row.T_a_b, of_row.covariance, of_row.wander_a, of_other.wander_b
-        )
+        return Claims(of_row.T_A_a, of_other.T_B_b, of_row.T_a_b, of_row.covariance, of_row.wander_a, of_other.wander_b)
 
     @cached_property
     def frames(self) -> FloatArray:
@@ -65,7 +63,9 @@ class Claims:
         """Samples `(N, 6, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
         samples = self.wander_a.shape[2]
         both = se3.adjoint(se3.inverse(self.frames)) @ self.wander_a - self.wander_b
-        return np.asarray(both / np.sqrt(max(samples - DEGREES - 1, 1)))  # the inverse of a sampled covariance is larger
+        return np.asarray(
+            both / np.sqrt(max(samples - DEGREES - 1, 1))
+        )  # the inverse of a sampled covariance is larger
 
     def distances(self, rows: IntArray) -> FloatArray:
         """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all."""

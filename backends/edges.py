@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, IntArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 30  # of Gauss-Newton; damped
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
@@ -46,19 +46,21 @@ class Edges:
     @classmethod
     def stacked(cls, parts: Sequence[Edges]) -> Edges:
         """One after another."""
-        none = cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4)), np.zeros((0, 6, 6)))
-        return cls(*(np.concatenate(arrays) for arrays in zip(*(e._arrays() for e in (none, *parts)), strict=True)))
+        none = np.zeros(0, np.int64)
+        return cls(
+            np.concatenate([none, *(e.first for e in parts)]),
+            np.concatenate([none, *(e.second for e in parts)]),
+            np.concatenate([np.zeros((0, 4, 4)), *(e.T for e in parts)]),
+            np.concatenate([np.zeros((0, 6, 6)), *(e.covariance for e in parts)]),
+        )
 
-    def subset(self, rows: IntArray) -> Edges:
+    def subset(self, rows: IntArray | BoolArray) -> Edges:
         """The edges at `rows`, boolean or indices."""
-        return Edges(*(array[rows] for array in self._arrays()))
+        return Edges(self.first[rows], self.second[rows], self.T[rows], self.covariance[rows])
 
     def errors(self, poses: FloatArray) -> FloatArray:
         """Tangent vectors `(M, 6)` from each measurement to the poses `(N, 4, 4)`."""
         return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
-
-    def _arrays(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        return self.first, self.second, self.T, self.covariance
 
 
 def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -164,6 +166,8 @@ def _inverse_right_jacobian(xi: FloatArray) -> FloatArray:
 
 def _block_matrix(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sp.csc_matrix:
     """Sum of 6 x 6 blocks."""
+    if len(rows) == 0:
+        return sp.csc_matrix((6 * size, 6 * size))
     order = np.argsort(rows * size + columns, kind="stable")
     keys = (rows * size + columns)[order]
     starts = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])

@@ -150,18 +150,12 @@ def _cycles(candidates: Sequence[Candidate]) -> list[tuple[int, int, int]]:
 
 def _distances(candidates: Sequence[Candidate], cycles: Sequence[tuple[int, int, int]]) -> FloatArray:
     """Squared Mahalanobis distance of each cycle from closing."""
-    frames, noises, wanders = (np.stack([getattr(c, name) for c in candidates]) for name in ("frame", "noise", "wander"))
-    index = np.array(cycles)
-    found = []
+    frame, noise, wander = (np.stack([getattr(c, name) for c in candidates]) for name in ("frame", "noise", "wander"))
+    index, found = np.array(cycles), []
     for start in range(0, len(index), CHUNK):
-        ab, bc, ac = index[start : start + CHUNK].T
-        error, covariance = _closing(
-            (frames[ab], noises[ab], wanders[ab]), (frames[bc], noises[bc], wanders[bc]), (frames[ac], noises[ac], wanders[ac])
-        )
-        found.append(mahalanobis_squared(error, covariance))
+        ab, bc, ac = ((frame[n], noise[n], wander[n]) for n in index[start : start + CHUNK].T)
+        found.append(mahalanobis_squared(*_closing(ab, bc, ac)))
     return np.concatenate(found)
-
-
 
 
 def _closing(ab: Frame, bc: Frame, ac: Frame) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,8 @@ import numpy as np
 from wiclosure.backends.clique import chi_square_limit, largest_clique
 from wiclosure.backends.closure_sets import ClosureSet, Verdict, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
-from wiclosure.backends.merging import Merged, MergeSettings, merge
+from wiclosure.backends.merge_settings import MergeSettings
+from wiclosure.backends.merging import Merged, merge
 from wiclosure.backends.pair_report import PairConsistency
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.types import Closure, Stage, Trajectory
@@ -20,12 +21,17 @@ from wiclosure.types import Closure, Stage, Trajectory
 class PcmResult:
     """Closures as the consistency check leaves them, in the order given, and what was found between each two robots.
 
-    `scale` says how many times the stated standard deviations are taken (`PcmSettings.max_scale`).
+    Args:
+        closures: accepted or rejected with a reason.
+        pairs: one report for each two robots that closures connect, and for each robot that they close.
+        scale: how many times the stated standard deviations are taken (`PcmSettings.max_scale`).
+        basis: the estimate that the decisions rest on, where `method: groups` made one.
     """
 
     closures: tuple[Closure, ...]
     pairs: tuple[PairConsistency, ...]
     scale: float = 1.0
+    basis: tuple[TeamArrays, Merged] | None = None
 
     @property
     def diagnosis(self) -> tuple[str, ...]:
@@ -57,24 +63,21 @@ def pairwise_consistent(
         return PcmResult(tuple(closures), ())
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
     verdicts = {row: Verdict(False, reason) for row, reason in unusable.items()}
-    reports: list[PairConsistency] = []
-    scale = 1.0
     if settings.published:
-        for z in sets:
-            report, of_pair = largest_clique(z, trajectories, settings)
-            reports.append(report)
+        found = [largest_clique(z, trajectories, settings) for z in sets]
+        for _, of_pair in found:
             verdicts |= of_pair
-    elif sets:
-        predicted = np.array([c.prediction is not None for c in closures])
-        team = TeamArrays.of(trajectories, sets, predicted)
-        merged = merge(team.robots, merge_settings(settings))
-        scale = merged.scale
-        accepted = dict(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True))
-        reasons = {int(team.rows[n]): reason for n, reason in merged.reason.items()}
-        reports = [_report(z, team, merged, accepted) for z in sets]
-        verdicts |= {row: _verdict(row, accepted, reasons) for row in accepted}
-    found = decided(closures, Stage.CONSISTENCY, verdicts)
-    return PcmResult(tuple(_with_support(found, sets, verdicts)), tuple(reports), scale)
+        checked = decided(closures, Stage.CONSISTENCY, verdicts)
+        return PcmResult(tuple(_with_support(checked, sets, verdicts)), tuple(report for report, _ in found))
+    if not sets:
+        return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, verdicts)), ())
+    team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
+    merged = merge(team.robots, merge_settings(settings))
+    for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
+        verdicts[row] = Verdict(inlier, "agrees with the others" if inlier else merged.reason[n])
+    checked = _with_support(decided(closures, Stage.CONSISTENCY, verdicts), sets, verdicts)
+    reports = tuple(_report(z, team, merged, verdicts) for z in sets)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
 
 
 def merge_settings(settings: PcmSettings) -> MergeSettings:
@@ -88,16 +91,12 @@ def merge_settings(settings: PcmSettings) -> MergeSettings:
     )
 
 
-def _verdict(row: int, accepted: Mapping[int, bool], reasons: Mapping[int, str]) -> Verdict:
-    return Verdict(True, "agrees with the others") if accepted[row] else Verdict(False, reasons[row])
-
-
-def _report(z: ClosureSet, team: TeamArrays, merged: Merged, accepted: Mapping[int, bool]) -> PairConsistency:
+def _report(z: ClosureSet, team: TeamArrays, merged: Merged, verdicts: Mapping[int, Verdict]) -> PairConsistency:
     """Of one pair of robots, or of one robot."""
     a, b = sorted((team.names.index(z.robot_a), team.names.index(z.robot_b)))
     own = [c for c in merged.candidates if (c.a, c.b) == (a, b)]
-    sizes = sorted((len(c) for c in own), reverse=True) + [0, 0]
-    kept = sum(accepted[row] for row in z.rows.tolist())
+    sizes = [*sorted((len(c) for c in own), reverse=True), 0, 0]
+    kept = sum(verdicts[row].accepted for row in z.rows.tolist())
     doubts = [c.fallen or c.doubt for c in sorted(own, key=len, reverse=True) if c.fallen or c.doubt]
     if kept:
         said = f"{kept} of {len(z)} closures agree and are accepted"

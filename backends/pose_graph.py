@@ -16,9 +16,9 @@ from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.factors import (
     Keys,
     anchor,
+    closure_factors,
     inliers_among,
     keyframes_in_factors,
-    closure_factors,
     odometry_factors,
     solve,
     with_factors,
@@ -26,7 +26,7 @@ from wiclosure.backends.factors import (
 from wiclosure.backends.frames import components, initial_frames
 from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.radio_factors import radio_factors
-from wiclosure.backends.settling import graduated
+from wiclosure.backends.settling import graduated, settle
 from wiclosure.backends.start import better_start
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.backends.two_stage import placed_in_two_stages
@@ -176,7 +176,11 @@ def _decide(
     limit = settings.inlier_limit(rows) if settings.robust == "gnc" else np.inf
     start = better_start(team, groups, rigid, limit)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
-    mask, poses = graduated(team.robots.odometry, team.robots.loops, start, held, limit)
+    known, loops = team.robots.odometry, team.robots.loops
+    mask, poses = graduated(known, loops, start, held, limit)
+    if not mask.all():  # with outliers about, those kept may hide behind odometry that they bend
+        settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
+        mask, poses = settled.inlier, settled.poses
     solved, moved = team.poses_of(poses), {}
     for robot, trajectory in trajectories.items():
         keyframes = trajectory.subset(team.nodes[robot])

@@ -20,8 +20,9 @@ SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some 
 DEGREES = 6
 REDUNDANCY_FLOOR = 1e-5  # of a closure that nothing checks
 CHECKED = 0.05  # share of an edge's variance that its residual shows: with less, it tells nothing of sigma
-GROWTH = 2.0  # of mu
-MOST_STEPS = 60
+GROWTH = 1.4  # of mu
+MOST_STEPS = 150
+GNC_STEPS = 5  # of Gauss-Newton while mu stays
 ROUNDS = 6
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
 
@@ -66,7 +67,7 @@ def graduated(
 ) -> tuple[BoolArray, FloatArray]:
     """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
 
-    Yang et al., RA-L 2020; each step is two of Gauss-Newton and goes on from the one before.  Where all residuals of
+    Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
     the plain solution are within the limit, that is the answer; and where it costs less than what came of the steps.
     """
     system, count = System.of(odometry + loops, len(poses), held), len(odometry)
@@ -79,7 +80,7 @@ def graduated(
         weights = _truncated_weights(chi_square, limit, mu)
         if np.isin(weights, (0.0, 1.0)).all():
             break
-        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=2)
+        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=GNC_STEPS)
         chi_square = system.chi_squares(poses)[count:]
         mu *= GROWTH
     poses = system.solved(poses, np.concatenate([np.ones(count), chi_square <= limit]))

@@ -42,7 +42,7 @@ def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> flo
     rough = float(scales[int(np.argmax(evidence))])
     inside = np.concatenate([_inside(of, limit * (2.0 * rough) ** 2) for of in comparisons])
     fine = of_residuals(inside)
-    return rough if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
+    return max(rough, 1.0) if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
 
 
 def settled(scale: float, most: float) -> float:

@@ -11,7 +11,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, canonical_order
 from wiclosure.backends.edges import Edges
 from wiclosure.backends.factors import keyframes_in_factors, odometry_covariances
-from wiclosure.backends.merging import Robots
+from wiclosure.backends.robots import Robots
 from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 
 
@@ -55,7 +55,9 @@ class TeamArrays:
         robot = np.repeat(np.arange(len(names)), [len(nodes[name]) for name in names])
         # Each robot from its first pose: far from the origin, as UTM coordinates are, digits would be lost.
         local = [se3.between(trajectories[name].poses[0], trajectories[name].poses[nodes[name]]) for name in names]
-        return cls(Robots(robot, np.concatenate(local), odometry, loops, predicted[rows]), tuple(names), nodes, rows)
+        step_m = float(np.median(np.concatenate([np.zeros(1), *(np.diff(t.distance) for t in trajectories.values())])))
+        robots = Robots(robot, np.concatenate(local), odometry, loops, predicted[rows], step_m)
+        return cls(robots, tuple(names), nodes, rows)
 
     def poses_of(self, poses: FloatArray) -> dict[str, FloatArray]:
         """The node poses `(N, 4, 4)` by robot."""

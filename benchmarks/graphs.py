@@ -1,4 +1,4 @@
-"""Pose graphs for the back end's benchmark: standard ones read from files, others made here, cut into teams and spoiled."""
+"""Pose graphs for the benchmark of the back end: read from files or made, cut into teams, and spoiled."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import lzma
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import gtsam
@@ -161,7 +162,7 @@ def random_pose(rng: np.random.Generator, spread_m: float) -> FloatArray:
     return np.asarray(gtsam.Pose3(gtsam.Rot3.Quaternion(*(q / np.linalg.norm(q))), rng.normal(0, spread_m, 3)).matrix())
 
 
-# ------------------------------------------------------------------------------------------------------------ from files
+# ----------------------------------------------------------------------------------------------------------- from files
 def read(name: str) -> Graph:
     """A standard graph, or a team of `distributed_mapper`, whose robots the keys name."""
     path = GRAPHS / name
@@ -188,9 +189,7 @@ def _team_of_files(paths: Sequence[Path]) -> Graph:
     return _of_edges(edges, lambda key: key >> 56)
 
 
-def _of_edges(
-    edges: dict[tuple[int, int], tuple[FloatArray, FloatArray]], robot_of: Callable[[int], int]
-) -> Graph:
+def _of_edges(edges: dict[tuple[int, int], tuple[FloatArray, FloatArray]], robot_of: Callable[[int], int]) -> Graph:
     keys = sorted({key for pair in edges for key in pair})
     index = {key: n for n, key in enumerate(keys)}
     first, second = (np.array([index[pair[end]] for pair in edges]) for end in (0, 1))
@@ -212,7 +211,7 @@ def _with_odometry(graph: Graph) -> Graph:
     joined = {(int(a), int(b)) for a, b in zip(graph.first, graph.second, strict=True)}
     for robot in np.unique(graph.robot):
         nodes = np.flatnonzero(graph.robot == robot).tolist()
-        missing += [(a, b) for a, b in zip(nodes, nodes[1:], strict=False) if (a, b) not in joined]
+        missing += [(a, b) for a, b in pairwise(nodes) if (a, b) not in joined]
     if not missing:
         return graph
     order = np.concatenate([_path(graph, robot) for robot in np.unique(graph.robot)])
@@ -232,9 +231,9 @@ def _path(graph: Graph, robot: int) -> IntArray:
     for a, b in zip(graph.first[own].tolist(), graph.second[own].tolist(), strict=True):
         near[a].add(b)
         near[b].add(a)
-    for start in near:
+    for start, neighbours in near.items():
         path, seen = [start], {start}
-        stack = [sorted(near[start], key=lambda n: len(near[n]))]
+        stack = [sorted(neighbours, key=lambda n: len(near[n]))]
         while stack and len(path) < len(near):
             while stack[-1] and stack[-1][0] in seen:
                 stack[-1].pop(0)
@@ -253,7 +252,11 @@ def _path(graph: Graph, robot: int) -> IntArray:
 
 # ---------------------------------------------------------------------------------------------------------------- made
 def noisy(
-    truth: FloatArray, loops: IntArray, sigma: FloatArray, rng: np.random.Generator, odometry_sigma: FloatArray | None = None
+    truth: FloatArray,
+    loops: IntArray,
+    sigma: FloatArray,
+    rng: np.random.Generator,
+    odometry_sigma: FloatArray | None = None,
 ) -> Graph:
     """Steps between consecutive true poses and loops `(L, 2)`, each with its stated noise."""
     n = len(truth)

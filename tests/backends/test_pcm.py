@@ -12,9 +12,8 @@ from pydantic import ValidationError
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings
-from wiclosure.backends.consistency import PairGraph
-from wiclosure.backends.judgement import chance_sets
-from wiclosure.backends.pcm import IncrementalPcm, pairwise_consistent
+from wiclosure.backends.incremental import IncrementalConsistency
+from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, KeyframeId, Prediction, PredictionKind, RegistrationEvidence, Stage, survivors
@@ -174,7 +173,7 @@ def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, pa
         ends = rng.integers(0, 60, (6, 2))
         closures += [team.false_closure(("alpha", int(a)), (robot, int(b)), rng) for a, b in ends]
     closures = [closures[n] for n in rng.permutation(25)]
-    pcm = IncrementalPcm(PcmSettings(max_scale=max_scale))
+    pcm = IncrementalConsistency(PcmSettings(max_scale=max_scale))
     for first, last in pairwise([0, *sorted(parts), 25]):
         until = int(max([20, *(k.index for c in closures[:last] for k in (c.query, c.match))])) + 1
         pcm.add(closures[first:last], {r: t.subset(np.arange(until)) for r, t in team.odometry.items()})
