@@ -12,7 +12,7 @@ from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray, IntArray
 
 CHUNK = 2048  # pairs at once: bounds memory
-NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
+NULL_PAIRS = 1000  # recombined pairs from which the chance to agree is estimated
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 DEGREES = 6
 
@@ -92,9 +92,10 @@ class Claims:
         """
         n = len(self)
         rng = np.random.default_rng(n)  # the same for the same closures
-        first, first_end, second, second_end = rng.integers(0, n, (4, 3 * NULL_PAIRS))
+        wanted = min(NULL_PAIRS, 10 * n**2)  # of few closures there are no more to recombine
+        first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
-        chosen = np.flatnonzero(unrelated)[:NULL_PAIRS]
+        chosen = np.flatnonzero(unrelated)[:wanted]
         distances = []
         for start in range(0, len(chosen), CHUNK):
             part = chosen[start : start + CHUNK]
