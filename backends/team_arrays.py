@@ -69,6 +69,6 @@ class TeamArrays:
 
 
 def _steps(trajectory: Trajectory, nodes: IntArray, offset: int) -> Edges:
-    first = offset + np.arange(len(nodes) - 1)
-    T = trajectory.relative_pose(nodes[:-1], nodes[1:])
-    return Edges(first, first + 1, T, odometry_covariances(trajectory, nodes, nodes))
+    first, second = trajectory.steps(nodes)
+    T, covariance = trajectory.relative_pose(first, second), odometry_covariances(trajectory, nodes, nodes)
+    return Edges(offset + np.searchsorted(nodes, first), offset + np.searchsorted(nodes, second), T, covariance)
