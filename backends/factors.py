@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -50,8 +49,10 @@ class Keys:
 def carrying(
     trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet | RadioLinks]
 ) -> dict[str, NDArray[np.int64]]:
-    """Keyframes that measurements hold, and the first, by robot: a graph of these alone is equivalent."""
-    ends: dict[str, list[NDArray[np.int64]]] = {robot: [np.zeros(1, np.int64)] for robot in trajectories}
+    """Keyframes that measurements hold, the first, and forks, by robot: a graph of these alone is equivalent."""
+    ends: dict[str, list[NDArray[np.int64]]] = {
+        robot: [np.zeros(1, np.int64), t.junctions] for robot, t in trajectories.items()
+    }
     for z in sets:
         ends[z.robot_a].append(z.index_a)
         ends[z.robot_b].append(z.index_b)
@@ -59,13 +60,13 @@ def carrying(
 
 
 def odometry_covariances(trajectory: Trajectory, nodes: NDArray[np.int64], held: NDArray[np.int64]) -> FloatArray:
-    """Covariances `(K - 1, 6, 6)` of the odometry between consecutive ones of `nodes (K,)`, keyframe indices.
+    """Covariances `(K - 1, 6, 6)` of the odometry steps between the keyframes at `nodes (K,)`.
 
     A chain of steps takes errors as independent, but the drift model's bias is the same error in every step: over a
     span of length S it grows with S, not with its root.  So each step carries its share of `bias^2 S^2`, S being the
     distance between the keyframes `held` by closures on both sides; each such span has the model's covariance.
     """
-    first, second = nodes[:-1], nodes[1:]
+    first, second = trajectory.steps(nodes)
     if trajectory.step_covariances is not None:
         return trajectory.relative_covariance(first, second)
     length = trajectory.distance[second] - trajectory.distance[first]
@@ -83,16 +84,17 @@ def odometry_factors(
     keys: Keys,
     nodes: Mapping[str, NDArray[np.int64]] | None = None,
 ) -> gtsam.NonlinearFactorGraph:
-    """One factor between each two consecutive keyframes of each robot, or only those at the indices `nodes`."""
+    """One factor for each odometry step between the keyframes of each robot, or only those at the indices `nodes`."""
     graph = gtsam.NonlinearFactorGraph()
     held = carrying(trajectories, sets)
     for robot, trajectory in trajectories.items():
         used = np.arange(len(trajectory)) if nodes is None else nodes[robot]
         if len(used) == 1:
             continue
-        steps = trajectory.relative_pose(used[:-1], used[1:])
-        covariances = odometry_covariances(trajectory, used, held[robot])
-        for (first, second), step, covariance in zip(pairwise(keys.all(robot, used)), steps, covariances, strict=True):
+        ends = trajectory.steps(used)
+        steps, covariances = trajectory.relative_pose(*ends), odometry_covariances(trajectory, used, held[robot])
+        names = (keys.all(robot, end) for end in ends)
+        for first, second, step, covariance in zip(*names, steps, covariances, strict=True):
             graph.add(gtsam.BetweenFactorPose3(first, second, gtsam.Pose3(step), _noise(covariance)))
     return graph
 

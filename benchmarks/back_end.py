@@ -30,7 +30,7 @@ from wiclosure.backends.consistency import PairGraph
 from wiclosure.backends.cycles import Cycles
 from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.frames import initial_frames
-from wiclosure.backends.g2o_reader import read_g2o
+from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
@@ -188,7 +188,7 @@ def _random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
 def recorded(_: argparse.Namespace) -> None:
     """pcm_spoiled and argos_spoiled: false ones rejected, true ones kept, as good as without the false ones."""
     for name in ("pcm_spoiled/example_2robots", "argos_spoiled/example_2robots", "argos_spoiled/example_4robots"):
-        team = read_g2o(sorted((DATA / "pose_graphs" / name).glob("*.g2o")))
+        team = read_graphs(sorted((DATA / "pose_graphs" / name).glob("*.g2o")))
         true = _blatant(name, team.closures)
         checked = pairwise_consistent(team.closures, team.odometry, PcmSettings(noise=STATED, max_scale=10))
         settings = PoseGraphSettings(noise=STATED).scaled(checked.scale)

@@ -137,7 +137,7 @@ class Dataset:
                 continue
             pattern, found = NamePattern(source.topic or ""), False
             for robot, recording in self.robots.items():
-                if bag_kind(recording.scans) and any(map(pattern.match, topic_names(recording.scans))):
+                if bag_kind(recording.scans) and any(map(pattern.fits, topic_names(recording.scans))):
                     found = True
                     yield source.of_bag(recording.scans, robot)
             if not found:
@@ -145,12 +145,14 @@ class Dataset:
 
     def _say_unused(self, *, salvage: bool) -> None:
         """A warning for each topic of the bags that looks like radio and is not read."""
-        for robot, recording in self.robots.items():
-            if bag_kind(recording.scans):
-                used = [source.topic for source in self.wireless if source.topic is not None]
-                others = [other for other in self.robots if other != robot]
-                for radio in unused_radio(recording.scans, [*used, *recording.ranges], salvage=salvage):
-                    logger.warning("%s: %s", recording.scans, radio.sentence(others))
+        used = [source.topic for source in self.wireless if source.topic is not None]
+        used += [topic for recording in self.robots.values() for topic in recording.ranges]
+        owners = {recording.scans: robot for robot, recording in self.robots.items()}  # one bag may hold a team
+        for scans, owner in owners.items():
+            if bag_kind(scans):
+                others = [robot for robot in self.robots if robot != owner]
+                for radio in unused_radio(scans, used, salvage=salvage):
+                    logger.warning("%s: %s", scans, radio.sentence(others))
 
     def _known(self, log: WirelessLog, path: Path | None) -> WirelessLog:
         for robot in sorted(log.robots() - set(self.robots)):

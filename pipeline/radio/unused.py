@@ -77,7 +77,7 @@ def unused_radio(path: Path, used: Collection[str], *, salvage: bool = False) ->
             if topic.count
             and topic.is_ros
             and _is_radio(topic)
-            and not any(pattern.match(topic.name) for pattern in patterns)
+            and not any(pattern.fits(topic.name) for pattern in patterns)
         ]
         found = [_described(bag, family, group) for family, group in _families(free)]
     return [radio for radio in found if radio.msgtype != RANGE_TYPE or named_link(radio.frame_id) is None]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from wiclosure.backends.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.g2o_writer import write_g2o
 from wiclosure.backends.map_writers import write_pcd, write_ply
 from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError

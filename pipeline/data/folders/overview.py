@@ -7,8 +7,7 @@ from pathlib import Path
 
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
-from wiclosure.pipeline.data.folders.survey import Found, survey, survey_file
-from wiclosure.pipeline.sources.open import LOADERS
+from wiclosure.pipeline.data.folders.survey import Found, is_recording, survey, survey_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +31,7 @@ def overview(path: Path, *, salvage: bool = False) -> list[Entry]:
     Raises:
         InputError: the data set file is malformed.
     """
-    if not path.exists() or any(loader.recognises(path) for loader in LOADERS.values()):
+    if not path.exists() or is_recording(path):
         return []
     is_file = path.is_file() and path.suffix.lower() in {".yaml", ".yml"}
     folder = path.parent if is_file else path

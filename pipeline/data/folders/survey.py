@@ -17,7 +17,7 @@ from wiclosure.pipeline.data.dataset_file import DATASET_FILE
 from wiclosure.pipeline.radio.presets import preset_of_header
 from wiclosure.pipeline.radio.readers.column_names import guess
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
-from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.bag_files import METADATA, bag_kind
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
 from wiclosure.pipeline.sources.open import LOADERS
 
@@ -59,11 +59,22 @@ def survey(folder: Path, *, salvage: bool = False) -> list[Found]:
     return list(_within(folder, _DEPTH, salvage=salvage))
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a path is one recording, and not a folder in which bags of several robots lie beside other files."""
+    if not any(loader.recognises(path) for loader in LOADERS.values()):
+        return False
+    if path.is_file() or bag_kind(path) is None or (path / METADATA).is_file():
+        return not (path / DATASET_FILE).is_file()
+    files = [file for file in path.iterdir() if not file.name.startswith(".")]
+    names = {re.sub(r"[_.-]?\d+$", "", file.name.split(".")[0]) for file in files}
+    return len(names) == 1 and all(file.is_file() and bag_kind(file) for file in files)
+
+
 def _within(folder: Path, depth: int, *, salvage: bool) -> Iterator[Found]:
     for path in sorted(folder.iterdir()):
         if path.name.startswith("."):
             continue
-        if any(loader.recognises(path) for loader in LOADERS.values()):
+        if is_recording(path):
             yield _recording(path, salvage=salvage)
         elif path.is_dir():
             if depth > 1:

@@ -62,6 +62,10 @@ class NamePattern:
         found = self._expression.fullmatch(name)
         return None if found is None else {self._roles[place]: text for place, text in found.groupdict().items()}
 
+    def fits(self, name: str) -> bool:
+        """Whether a name is of the family."""
+        return self.match(name) is not None
+
     def filled(self, ids: dict[str, str]) -> str:
         """The name with those ids."""
         return _PLACE.sub(lambda match: ids.get(self._roles[match[1]], match[0]), self.text)

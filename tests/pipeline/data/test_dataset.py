@@ -151,6 +151,36 @@ def test_ranges_of_a_driver_in_the_bag(folder: Path) -> None:
     assert (measurement.receiver, measurement.transmitter, measurement.range_m) == ("alpha", "beta", 7.5)
 
 
+def test_a_topic_of_each_robots_own_bag(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for number, robot in enumerate(("one", "two")):
+        store = typestore("ros1")
+        with Writer(folder / f"{robot}.bag") as writer:
+            connection = writer.add_connection("/uwb", RANGE_TYPE, typestore=store)
+            message = store.types[RANGE_TYPE](
+                header=encode_header(START_NS + number, store, f"uwb_{robot}"),
+                radiation_type=0, field_of_view=0.0, min_range=0.0, max_range=50.0, range=7.0 + number,
+            )  # fmt: skip
+            writer.write(connection, START_NS, store.serialize_ros1(message, RANGE_TYPE))
+    robots = "robots: {one: {scans: one.bag}, two: {scans: two.bag}}\n"
+    dataset = load_dataset([str(written(folder, robots, "none.yaml"))])
+    with caplog.at_level("WARNING", "wiclosure"):
+        assert dataset.wireless_log().measurements == ()
+    assert [
+        "frame_id 'uwb_one' names no pair of robots; if it is a radio's, add ranges: {/uwb: two}" in caplog.text,
+        "frame_id 'uwb_two' names no pair of robots; if it is a radio's, add ranges: {/uwb: one}" in caplog.text,
+    ] == [True, True]
+    caplog.clear()
+    both = robots + "wireless: [{topic: /uwb, transmitter: two}]\n"
+    dataset = load_dataset(
+        [str(written(folder, both.replace("two: {scans: two.bag}", "two: {scans: gamma}"), "a.yaml"))]
+    )
+    (measurement,) = (m for m in dataset.wireless_log().measurements if m.receiver == "one")
+    assert (measurement.transmitter, measurement.range_m) == ("two", 7.0)
+    gone = load_dataset([str(written(folder, robots + "wireless: [{topic: /gone}]\n", "gone.yaml"))])
+    with pytest.raises(InputError, match="no robot's bag has the topic /gone"):
+        gone.wireless_log()
+
+
 # ------------------------------------------------------------------------------------------------------- ground truth
 def test_kitti_poses_are_ground_truth(folder: Path) -> None:
     truth = load_dataset([f"gamma={folder}/gamma"]).ground_truth("gamma")

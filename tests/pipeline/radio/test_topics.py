@@ -234,6 +234,7 @@ def test_what_is_not_used_is_said_with_what_to_add(tmp_path: Path, data_dir: Pat
         " if it is a radio's, add ranges: {/uwb/range: beta} to the robot",
     ]
     assert [radio.topic for radio in unused_radio(bag, ["/uwb/{to}"])] == ["/radio"]
+    assert [radio.topic for radio in unused_radio(bag, ["/radio"])] == ["/uwb/range"]
     (family,) = unused_radio(data_dir / "uwb_team_bag", [])
     assert (family.topic, family.count, len(family.topics)) == ("/uwb/tof/n_{from}/n_{to}/distance", 4020, 28)
 

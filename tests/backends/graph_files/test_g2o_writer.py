@@ -6,8 +6,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
-from wiclosure.backends.g2o_reader import read_g2o
-from wiclosure.backends.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.errors import OutputError
 
@@ -23,7 +23,7 @@ def test_what_is_written_is_read_again_and_gives_the_same_estimate(team_maker, t
     team, rng = team_maker(8, noise=1.0), np.random.default_rng(8)
     result = optimise(team.odometry, random_closures(team, 8, rng, noise=rng), PoseGraphSettings(noise=TIGHT))
     write_g2o(result, tmp_path / "graph.g2o")
-    again = read_g2o([tmp_path / "graph.g2o"])
+    again = read_graphs([tmp_path / "graph.g2o"])
     assert again.warnings == again.unusable == ()
     second = optimise(again.odometry, again.closures, PoseGraphSettings(noise=TIGHT))
     for robot, trajectory in result.trajectories.items():
