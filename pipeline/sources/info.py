@@ -100,6 +100,9 @@ def recording_info(path: Path | str, *, salvage: bool = False) -> RecordingInfo:
     duration_s = int(stamps_ns[-1] - stamps_ns[0]) * 1e-9
     beside = [name for name in ("poses.txt", "calib.txt") if (path / name).is_file()]
     notes = (f"With {' and '.join(beside)}.",) if beside else ()
+    if isinstance(source, FolderSource):
+        made_up = " (made up: nothing tells when the clouds were taken)" if source.made_up else ""
+        notes += (f"Stamps: {source.stamps_from}{made_up}.",)
     return RecordingInfo(path, kind, int(stamps_ns[0]), duration_s, len(source), size, (), notes)
 
 

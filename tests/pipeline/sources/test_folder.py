@@ -10,6 +10,7 @@ import pytest
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.bin import LAYOUTS, record_type
 from wiclosure.pipeline.sources.folder import FolderSource
+from wiclosure.pipeline.sources.info import recording_info
 
 from .clouds.test_record_size import records, street
 
@@ -29,6 +30,9 @@ def test_unpadded_numbers_are_in_their_order(tmp_path: Path, caplog: pytest.LogC
     folder = write(tmp_path / "lidar", [f"lidar_pointcloud_{k}.bin" for k in range(25)])
     assert order(folder) == list(range(25))
     assert "made up (frame numbers at 10 Hz)" in caplog.text
+    assert recording_info(folder).notes == (
+        "Stamps: frame numbers at 10 Hz (made up: nothing tells when the clouds were taken).",
+    )
 
 
 @pytest.mark.parametrize("name", ["times.txt", "timestamps.txt"])
