@@ -63,8 +63,11 @@ def test_times_that_do_not_fit_are_named(tmp_path: Path, caplog: pytest.LogCaptu
 def test_records_of_another_layout_are_refused_and_read_where_declared(tmp_path: Path, layout: str) -> None:
     rows = records(layout)
     rows.tofile(tmp_path / "000000.bin")
-    with pytest.raises(InputError, match=f"look like records of {rows.itemsize} bytes, as .*dataset.yaml"):
+    with pytest.raises(InputError, match=f"look like records of {rows.itemsize} bytes, as .*dataset.yaml") as caught:
         FolderSource(tmp_path)
+    named = str(caught.value).partition(" bytes, as ")[2].partition(" has")[0].partition(" have")[0].split(" or ")
+    assert layout in named
+    assert len(named) <= 2
     (scan,) = FolderSource(tmp_path, layout)
     np.testing.assert_allclose(scan.points, np.column_stack([street(6000)[axis] for axis in "xyz"]), rtol=1e-6)
     if "time" in (record_type(layout).names or ()):
