@@ -88,7 +88,7 @@ class PointCloud2Decoder:
             InputError: the fields x, y, z are missing or do not fit, or the data is shorter than announced.
         """
         stamp_ns = nanoseconds_of(cloud.header.stamp) if stamp_ns is None else stamp_ns
-        if cloud.height * cloud.width == 0:
+        if cloud.height * cloud.width == 0 or (not cloud.fields and len(cloud.data) == 0):
             return Scan(stamp_ns, np.zeros((0, 3)))
         columns = _returns(_records(cloud, self._layout(cloud)))
         return timed_scan(self._clock, stamp_ns, *columns)
