@@ -128,8 +128,8 @@ def _first_cloud(bag: Bag, name: str) -> CloudInfo | None:
     try:
         message = ScanMessages(topic)(raw, 0)
         scan = ScanDecoder(topic, f"{bag.path}, topic {name}").decode(message, message.stamp_ns or received_ns)
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"{bag.path}, topic {name}, message 0: {error}") from error
     except Exception as error:  # rosbags raises anything for bytes that are no such message
         raise InputError(f"{bag.path}, topic {name}, message 0: no {topic.msgtype} ({error})") from error
     times = None if scan.times is None else (float(scan.times.min()), float(scan.times.max()))
