@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from wiclosure.errors import ConfigError
@@ -56,12 +54,11 @@ def test_bad_plans_are_one_sentence(words: tuple[str, ...], parts: list[str]) ->
         assert part in str(error.value)
 
 
-def test_a_scenario_has_its_seed_in_its_name_and_stands_alone(tmp_path: Path) -> None:
-    (tmp_path / "radio.jsonl").touch()
+def test_a_scenario_has_its_seed_in_its_name_and_stands_alone() -> None:
     with pytest.raises(ConfigError, match=r"--seed: the seed of a scenario is named with it"):
         make_plan(["scenario:city"], "none", configuration=Configuration(seed=1), reading=Reading())
     with pytest.raises(ConfigError, match="a scenario stands alone"):
         make_plan(["scenario:city", "a=b"], "none", configuration=Configuration(), reading=Reading())
     with pytest.raises(ConfigError, match="a scenario stands alone"):
-        reading = Reading(wireless=[str(tmp_path / "radio.jsonl")])
+        reading = Reading(wireless=["radio.jsonl"])
         make_plan(["scenario:city"], "none", configuration=Configuration(), reading=reading)
