@@ -104,14 +104,14 @@ def random_loops(
     graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int, reach: float = 1.0
 ) -> list[Closure]:
     """Between any two robots; of any rotation, and as far as true closures reach or further."""
-    loops = ~graph.is_odometry()
-    length = float(np.linalg.norm(graph.T[loops][:, :3, 3], axis=1).mean()) * reach
+    loops = np.flatnonzero(~graph.is_odometry())
+    length = float(np.linalg.norm(graph.T[loops, :3, 3], axis=1).mean()) * reach
     made = []
     while len(made) < count:
         i, j = rng.integers(0, len(graph.robot), 2)
         if graph.robot[i] == graph.robot[j]:
             continue
-        C = graph.covariance[loops][rng.integers(loops.sum())]
+        C = graph.covariance[rng.choice(loops)]
         made.append(closure(names, graph, int(i), int(j), random_pose(rng, length), C, start))
     return made
 
@@ -339,7 +339,7 @@ def garage(seed: int, sigma: tuple[float, float] = (0.005, 0.05), levels: int = 
     rng = np.random.default_rng(seed)
     n = np.arange(levels * around)
     up = np.stack([20 * np.cos(2 * np.pi * n / around), 12 * np.sin(2 * np.pi * n / around), 3.0 * n / around], axis=1)
-    positions = np.concatenate([up, up[::-1] + [0.5, 0.5, 0.0]])
+    positions = np.concatenate([up, np.array([0.5, 0.5, 0.0]) + up[::-1]])
     loops = revisits(positions, 3.2, 60, 1500, rng)
     return noisy(facing(positions), loops, np.repeat(sigma, 3), rng, np.repeat([0.004, 0.02], 3))
 
