@@ -11,7 +11,7 @@ from wiclosure.backends.claims import Claims, chance_to_agree
 from wiclosure.backends.dense_sets import dense_sets
 from wiclosure.types import FloatArray, IntArray
 
-ANCHORS = 400  # closures that all others are compared with; more would not find another set
+ANCHORS = 250  # closures that all others are compared with; more would not find another set
 MOST_SETS = 4
 FEW = 4  # closures, of which each may be a set of its own: third robots may tell
 
@@ -33,10 +33,10 @@ class Comparison:
     chance: FloatArray
 
     @classmethod
-    def of(cls, claims: Claims) -> Comparison:
-        """Compares the closures."""
+    def of(cls, claims: Claims, beyond: float) -> Comparison:
+        """Compares the closures, exactly up to a squared distance of `beyond`."""
         anchors = np.unique(np.linspace(0, len(claims) - 1, min(ANCHORS, len(claims))).round().astype(np.int64))
-        return cls(claims, anchors, claims.distances(anchors), claims.chance_distances())
+        return cls(claims, anchors, claims.distances(anchors, beyond), claims.chance_distances())
 
     def hypotheses(self, limit: float, most: int = MOST_SETS) -> list[Hypothesis]:
         """Dense sets, largest first.

@@ -67,20 +67,25 @@ class Claims:
             both / np.sqrt(max(samples - DEGREES - 1, 1))
         )  # the inverse of a sampled covariance is larger
 
-    def distances(self, rows: IntArray) -> FloatArray:
-        """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all."""
-        found = np.empty((len(rows), len(self)))
+    def distances(self, rows: IntArray, beyond: float) -> FloatArray:
+        """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all.
+
+        Infinite where the rotations alone are further apart than `beyond` allows, which costs little to see.
+        """
+        found = np.full((len(rows), len(self)), np.inf)
         size = max(1, CHUNK // max(len(self), 1))
-        flat = self.wander.reshape(DEGREES * len(self), -1)
         own = self.noise + self.wander @ np.swapaxes(self.wander, 1, 2)
+        spread = 2.0 * np.trace(own[:, :3, :3], axis1=1, axis2=2)  # of a difference: at most twice the sum
+        rotations = self.frames[:, :3, :3].reshape(-1, 9)
         for start in range(0, len(rows), size):
             part = rows[start : start + size]
-            shared = self.wander[part].reshape(DEGREES * len(part), -1) @ flat.T
-            cross = shared.reshape(len(part), DEGREES, len(self), DEGREES).transpose(0, 2, 1, 3)
-            covariance = own[part][:, None] + own[None] - cross - np.swapaxes(cross, 2, 3)
-            error = se3.log(se3.inverse(self.frames[part])[:, None] @ self.frames[None])
-            flat_error, flat_covariance = error.reshape(-1, 6), covariance.reshape(-1, 6, 6)
-            found[start : start + size] = mahalanobis_squared(flat_error, flat_covariance).reshape(len(part), -1)
+            angle = np.arccos(np.clip(0.5 * (rotations[part] @ rotations.T - 1.0), -1.0, 1.0))
+            first, second = np.nonzero(angle**2 <= beyond * (spread[part][:, None] + spread))
+            one, other = part[first], second
+            cross = self.wander[one] @ np.swapaxes(self.wander[other], 1, 2)
+            covariance = own[one] + own[other] - cross - np.swapaxes(cross, 1, 2)
+            error = se3.log(se3.between(self.frames[one], self.frames[other]))
+            found[start + first, second] = mahalanobis_squared(error, covariance)
         found[np.arange(len(rows)), rows] = 0.0
         return found
 

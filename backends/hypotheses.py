@@ -16,7 +16,7 @@ from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray
 
 SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
-RECOMBINED = 300  # frames tried to see whether chance closes a cycle as well
+RECOMBINED = 100  # frames tried to see whether chance closes a cycle as well
 MOST_CYCLES = 300_000
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
 
@@ -170,8 +170,13 @@ def _closing(ab: Frame, bc: Frame, ac: Frame) -> tuple[FloatArray, FloatArray]:
 def _chance_to_close(
     candidates: Sequence[Candidate], cycle: tuple[int, int, int], places: Places, limit: float
 ) -> float:
-    """How often the cycle would close if the first set's measurement were taken at any other places of its groups."""
+    """How often the cycle would close if the first set's measurement were taken at any other places of its groups.
+
+    Zero where each of the three sets holds by itself: then nothing is at stake.
+    """
     ab, bc, ac = (candidates[n] for n in cycle)
+    if not (ab.doubt or bc.doubt or ac.doubt):
+        return 0.0
     claims, medoid = ab.comparison.claims, ab.hypothesis.medoid
     rng = np.random.default_rng(len(candidates))
     (poses_a, wander_a), (poses_b, wander_b) = (places[group] for group in (ab.a, ab.b))

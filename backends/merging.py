@@ -79,8 +79,9 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
         return scale
     settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
     alone = np.arange(robots.count)
+    widest = settings.agree_limit * (2.0 * most) ** 2
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [Comparison.of(claims_between(robots, rows, alone, settled)[0]) for rows in largest]
+    comparisons = [Comparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
 
 

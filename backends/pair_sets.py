@@ -49,7 +49,7 @@ def sets_between(
 ) -> list[Candidate]:
     """Sets between two groups, with the doubts that the pair alone leaves."""
     claims, a, b = claims_between(robots, rows, group, settled)
-    comparison = Comparison.of(claims)
+    comparison = Comparison.of(claims, settings.agree_limit)
     hypotheses = comparison.hypotheses(settings.agree_limit)
     found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
     for candidate in found:

@@ -104,14 +104,14 @@ def random_loops(
     graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int, reach: float = 1.0
 ) -> list[Closure]:
     """Between any two robots; of any rotation, and as far as true closures reach or further."""
-    loops = ~graph.is_odometry()
-    length = float(np.linalg.norm(graph.T[loops][:, :3, 3], axis=1).mean()) * reach
+    loops = np.flatnonzero(~graph.is_odometry())
+    length = float(np.linalg.norm(graph.T[loops, :3, 3], axis=1).mean()) * reach
     made = []
     while len(made) < count:
         i, j = rng.integers(0, len(graph.robot), 2)
         if graph.robot[i] == graph.robot[j]:
             continue
-        C = graph.covariance[loops][rng.integers(loops.sum())]
+        C = graph.covariance[rng.choice(loops)]
         made.append(closure(names, graph, int(i), int(j), random_pose(rng, length), C, start))
     return made
 
@@ -334,7 +334,55 @@ def sphere(seed: int, sigma: tuple[float, float] = (0.05, 0.1), rings: int = 20,
     return noisy(facing(positions), loops, np.repeat(sigma, 3), rng)
 
 
+def garage(seed: int, sigma: tuple[float, float] = (0.005, 0.05), levels: int = 5, around: int = 120) -> Graph:
+    """Rounds up a ramp and down again, half a metre a step; loops to the round below and on the way back."""
+    rng = np.random.default_rng(seed)
+    n = np.arange(levels * around)
+    up = np.stack([20 * np.cos(2 * np.pi * n / around), 12 * np.sin(2 * np.pi * n / around), 3.0 * n / around], axis=1)
+    positions = np.concatenate([up, np.array([0.5, 0.5, 0.0]) + up[::-1]])
+    loops = revisits(positions, 3.2, 60, 1500, rng)
+    return noisy(facing(positions), loops, np.repeat(sigma, 3), rng, np.repeat([0.004, 0.02], 3))
+
+
+def meadow(seed: int, sigma: tuple[float, float] = (0.03, 0.2), poses: int = 1000) -> Graph:
+    """A path that wanders at will; few loops, noisy ones."""
+    rng = np.random.default_rng(seed)
+    turn = np.cumsum(rng.normal(0, 0.15, poses))
+    positions = np.zeros((poses, 3))
+    for n in range(1, poses):
+        home = np.arctan2(-positions[n - 1, 1], -positions[n - 1, 0])
+        far = np.linalg.norm(positions[n - 1]) > 40
+        heading = home if far else turn[n]
+        positions[n] = positions[n - 1] + [np.cos(heading), np.sin(heading), 0.0]
+    loops = revisits(positions, 3.0, 30, 250, rng)
+    return noisy(facing(positions), loops, np.repeat(sigma, 3), rng, np.repeat([0.005, 0.05], 3))
+
+
+def town(seed: int, robots: int, poses: int, loops: int) -> Graph:
+    """Many robots in one town of blocks of 20 m, each from a crossing of its own."""
+    rng, paths = np.random.default_rng(seed), []
+    for _ in range(robots):
+        at, along = 20.0 * rng.integers(-6, 7, 2), np.array([1.0, 0.0])
+        for n in range(poses):
+            paths.append([*at, 0.0])
+            if n % 20 == 0:
+                left = np.array([-along[1], along[0]])
+                choices = [v for v in (along, left, -left) if np.abs(at + 20 * v).max() <= 160]
+                along = choices[rng.integers(len(choices))]
+            at = at + along
+    positions, robot = np.array(paths), np.repeat(np.arange(robots), poses)
+    ends = revisits(positions, 3.0, 40, loops, rng)
+    graph = noisy(facing(positions), ends, np.repeat([0.01, 0.1], 3), rng, np.repeat([0.003, 0.03], 3))
+    kept = np.ones(len(graph.first), bool)
+    kept[: len(robot) - 1] = robot[1:] == robot[:-1]
+    edges = (array[kept] for array in (graph.first, graph.second, graph.T, graph.covariance))
+    return Graph(*edges, robot, graph.truth)
+
+
 MADE: dict[str, Callable[[int], Graph]] = {"lawn": lawn_mower, "streets": streets, "grid": grid, "sphere": sphere}
+HELD_OUT: dict[str, Callable[[int], Graph]] = {"garage": garage, "meadow": meadow}
+"""Kinds of graphs that the back end was not built with."""
+
 FILES = (
     "standard/tinyGrid3D.g2o",
     "standard/smallGrid3D.g2o",
