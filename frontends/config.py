@@ -21,12 +21,12 @@ class OdometrySettings(Settings):
     voxel_size_m: float | None = Field(
         None, gt=0, description="m; none: from the extent of the first scan, 1 m on a street, 0.25 m in rooms"
     )
-    elevation_correction_deg: float = Field(
-        0.0,
+    elevation_correction_deg: float | None = Field(
+        None,
         ge=-5,
         le=5,
-        description="degrees that all beams look higher than the recording says: 0.205 for KITTI's LiDAR, as KISS-ICP"
-        " adds where it reads KITTI by itself",
+        description="degrees that all beams look higher than the recording says; none: 0.205 for KITTI folders, as"
+        " KISS-ICP adds where it reads KITTI by itself, and 0 for all else",
     )
     deskew: bool = Field(True, description="undo the motion during the sweep, where points carry their times")
     convergence: float = Field(

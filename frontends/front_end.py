@@ -48,6 +48,7 @@ class OdometryRun:
         self._odometry = make_odometry(settings, recorded)
         self._keyframes = [KeyframeCollector(of) for of in keyframes]
         self._stamps_ns: list[int] = []
+        self._scan_stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
         self._scans = self._sparse = self._late = self._outside = 0
         self._seconds = self._seconds_reading = 0.0
@@ -90,7 +91,16 @@ class OdometryRun:
         stamps_ns, poses = np.array(self._stamps_ns, np.int64), np.array(self._poses)
         counts = FrontEndCounts(self._scans, self._sparse, self._late, self._outside)
         return tuple(
-            OdometryResult(stamps_ns, poses, kept.indices, kept.clouds, counts, self._seconds, self._seconds_reading)
+            OdometryResult(
+                stamps_ns=stamps_ns,
+                scan_stamps_ns=np.array(self._scan_stamps_ns, np.int64),
+                poses=poses,
+                keyframe_indices=kept.indices,
+                clouds=kept.clouds,
+                counts=counts,
+                seconds=self._seconds,
+                seconds_reading=self._seconds_reading,
+            )
             for kept in self._keyframes
         )
 
@@ -99,7 +109,9 @@ class OdometryRun:
             self._sparse += 1
             logger.debug("%s: scan at %d ns has too few points, left out", self._robot, scan.stamp_ns)
             return False
-        if self._stamps_ns and sweep_stamps_ns(scan, self._settings)[1] <= self._stamps_ns[-1]:
+        if self._stamps_ns and (
+            sweep_stamps_ns(scan, self._settings)[1] <= self._stamps_ns[-1] or scan.stamp_ns <= self._scan_stamps_ns[-1]
+        ):
             self._late += 1
             logger.debug("%s: scan at %d ns does not follow the last, left out", self._robot, scan.stamp_ns)
             return False
@@ -112,6 +124,7 @@ class OdometryRun:
     def _follow(self, scan: Scan) -> bool:
         stamp_ns, T_odom_body, points = self._odometry.register(scan)
         self._stamps_ns.append(stamp_ns)
+        self._scan_stamps_ns.append(scan.stamp_ns)
         self._poses.append(T_odom_body)
         index = len(self._poses) - 1
         chosen = [kept.add(index, T_odom_body, points, self._odometry) for kept in self._keyframes]

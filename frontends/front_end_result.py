@@ -38,8 +38,9 @@ class OdometryResult:
     """The path of one robot, and the clouds of its keyframes.
 
     Args:
-        stamps_ns: `(N,)` of every usable scan.
-        poses: `(N, 4, 4)` `T_odom_body` at these stamps.
+        stamps_ns: `(N,)` when the last point of every usable scan was measured.
+        scan_stamps_ns: `(N,)` these scans' own stamps.
+        poses: `(N, 4, 4)` `T_odom_body` at `stamps_ns`.
         keyframe_indices: `(K,)` which of them are keyframes.
         clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
         counts: scans in, scans left out.
@@ -48,6 +49,7 @@ class OdometryResult:
     """
 
     stamps_ns: IntArray
+    scan_stamps_ns: IntArray
     poses: FloatArray
     keyframe_indices: IntArray
     clouds: tuple[Float32Array, ...]
@@ -63,6 +65,7 @@ class OdometryResult:
         _save(
             path,
             stamps_ns=self.stamps_ns,
+            scan_stamps_ns=self.scan_stamps_ns,
             poses=self.poses,
             keyframe_indices=self.keyframe_indices,
             points=np.concatenate(self.clouds),
@@ -82,6 +85,7 @@ class OdometryResult:
         with _content(path, "is not a saved odometry") as content:
             return cls(
                 stamps_ns=content["stamps_ns"],
+                scan_stamps_ns=content["scan_stamps_ns"],
                 poses=content["poses"],
                 keyframe_indices=content["keyframe_indices"],
                 clouds=tuple(np.split(content["points"], content["offsets"][1:-1])),
@@ -128,7 +132,8 @@ class FrontEndResult:
 
     Args:
         robot: its name.
-        odometry: pose of every usable scan.
+        odometry: pose of every usable scan when its last point was measured.
+        scans: pose of every usable scan at its own stamp: what files and users know a scan by.
         keyframe_indices: `(K,)` which of them are keyframes.
         keyframes: their poses; keyframe k of this robot is pose k here.
         clouds: K clouds `(N_k, 3)` float32, deskewed and thinned, in the body's axes.
@@ -141,6 +146,7 @@ class FrontEndResult:
 
     robot: str
     odometry: Trajectory
+    scans: Trajectory
     keyframe_indices: IntArray
     keyframes: Trajectory
     clouds: tuple[Float32Array, ...]
@@ -161,6 +167,7 @@ class FrontEndResult:
         return cls(
             robot=robot,
             odometry=odometry,
+            scans=Trajectory(robot, followed.scan_stamps_ns, odometry.at_or_beyond(followed.scan_stamps_ns), drift),
             keyframe_indices=followed.keyframe_indices,
             keyframes=odometry.keyframes(followed.keyframe_indices),
             clouds=followed.clouds,

@@ -12,6 +12,8 @@ from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
+_LONGEST_STEP_NS = 10**9  # between sparser poses, more than interpolation would be guessed
+
 
 class RecordedOdometry:
     """Poses from a trajectory; scans are deskewed along it and thinned as KISS-ICP's are.
@@ -25,6 +27,8 @@ class RecordedOdometry:
         self._settings = settings
         self._trajectory = trajectory
         self.voxel_size_m = settings.voxel_size_m or float("nan")
+        steps_ns = np.diff(trajectory.stamps_ns)
+        self._step_ns = min(int(np.median(steps_ns)), _LONGEST_STEP_NS) if len(steps_ns) else 0
         self._points: FloatArray | None = None
 
     def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
@@ -32,7 +36,7 @@ class RecordedOdometry:
         if np.isnan(self.voxel_size_m):
             self.voxel_size_m = voxel_size_m(scan.points)
         stamp_ns = int(sweep_stamps_ns(scan, self._settings)[1])
-        T_odom_body = self._trajectory.at(np.array([stamp_ns]))[0]
+        T_odom_body = self._trajectory.at_or_beyond(np.array([stamp_ns]))[0]
         near = within_range(scan.points, self._settings)
         self._points = points = self._deskewed(scan, T_odom_body)[near]
         return stamp_ns, T_odom_body, points
@@ -49,8 +53,16 @@ class RecordedOdometry:
         return thinned(self._points, self.voxel_size_m / 2)
 
     def covers(self, scan: Scan) -> bool:
-        """Whether the trajectory reaches from the first to the last point."""
-        return bool(self._trajectory.covers(sweep_stamps_ns(scan, self._settings)).all())
+        """Whether the trajectory has the scan's stamp, to half a sweep or half of its own steps, and nearly all points.
+
+        Stamps are rounded, and where odometry has a pose for each scan, the last sweep ends after the last of them: the
+        motion then goes on evenly.
+        """
+        ends_ns = sweep_stamps_ns(scan, self._settings)
+        sweep_ns = int(ends_ns[1] - ends_ns[0])
+        tolerance_ns = max(sweep_ns, self._step_ns) // 2
+        has_stamp = self._trajectory.covers(np.array([scan.stamp_ns]), tolerance_ns)
+        return bool(has_stamp.all() and self._trajectory.covers(ends_ns, tolerance_ns + sweep_ns).all())
 
     def _deskewed(self, scan: Scan, T_odom_body: FloatArray) -> FloatArray:
         """All points where they were seen from at the last point's instant."""
@@ -61,6 +73,6 @@ class RecordedOdometry:
 
         def T_end_at(share: FloatArray) -> FloatArray:
             stamps_ns = scan.stamp_ns + np.rint((first_s + share * (last_s - first_s)) * 1e9).astype(np.int64)
-            return se3.between(T_odom_body, self._trajectory.at(stamps_ns))
+            return se3.between(T_odom_body, self._trajectory.at_or_beyond(stamps_ns))
 
         return deskewed(scan.points, times, T_end_at)

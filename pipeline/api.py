@@ -45,7 +45,7 @@ def run(
     >>> result.metrics["filter"], result.metrics["pairs_kept"] <= result.metrics["pairs_total"]
     ('wiclosure', True)
     >>> result.merged["beta"]  # every scan of beta, in the frame of the map
-    Trajectory('beta', 20 poses, 3.8 s, 0.8 m)
+    Trajectory('beta', 20 poses, 3.8 s, 0.6 m)
 
     Args:
         data: a `dataset.yaml` or its folder, `scenario:NAME`, or recordings by the robot's name:
@@ -104,4 +104,4 @@ def _inputs(
         inputs = open_inputs(words, limit=limit)
         return replace(inputs, wireless=inputs.wireless + wireless)
     logs = [wireless] if isinstance(wireless, str | Path) else wireless
-    return open_inputs(words, wireless=[Path(log) for log in logs], limit=limit)
+    return open_inputs(words, wireless=[str(log) for log in logs], limit=limit)

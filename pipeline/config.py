@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, Field, ValidationError
 
 from wiclosure.backends.config import MapSettings, PcmSettings, PoseGraphSettings
+from wiclosure.backends.graph_files.settings import GraphFileSettings
 from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import (
@@ -48,6 +49,7 @@ class Config(Settings):
     registration: RegistrationSettings = RegistrationSettings()
     pcm: PcmSettings = PcmSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()
+    graphs: GraphFileSettings = GraphFileSettings()
     map: MapSettings = MapSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
 

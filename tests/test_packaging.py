@@ -37,7 +37,7 @@ def run(*command: str | Path, **environment: str) -> str:
 
 def name_in_wheel(file: Path) -> str | None:
     """Where a tracked file belongs in the wheel, by the longest mapped folder that it lies in; None: it does not."""
-    if file.suffix not in {".py", ".yaml", ".typed"}:
+    if file.suffix not in {".py", ".yaml", ".typed", ".msg", ".xml", ".txt"}:
         return None
     mapped = [(package, folder) for package, folder in FOLDERS.items() if file.is_relative_to(folder)]
     if not mapped:

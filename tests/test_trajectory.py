@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -168,3 +170,65 @@ def test_stated_step_covariances_compose_over_any_span_and_survive_thinning() ->
 def test_step_covariances_of_another_length_are_refused() -> None:
     with pytest.raises(InputError, match=r"11 poses but step covariances of shape \(11, 6, 6\)"):
         Trajectory("alpha", line().stamps_ns, line().poses, step_covariances=np.zeros((11, 6, 6)))
+
+
+def branching(seed=0, n=40):
+    """Odometry whose steps start from any earlier pose, and the covariance of each step."""
+    rng = np.random.default_rng(seed)
+    parents = np.array([0, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, n))])
+    steps = se3.exp(rng.normal(size=(n, 6)) * 0.3)
+    poses = [np.eye(4)]
+    for k in range(1, n):
+        poses.append(poses[parents[k]] @ steps[k])
+    factors = rng.normal(size=(n - 1, 6, 6)) * 0.01
+    covariances = factors @ np.swapaxes(factors, 1, 2)
+    stamps = np.arange(n, dtype=np.int64) * 1_000_000_000
+    return Trajectory("a", stamps, np.stack(poses), step_covariances=covariances, parents=parents)
+
+
+def way(trajectory, i, j):
+    """Covariance of `T_i_j`, step by step up to the common pose and down again."""
+
+    def line(k):
+        return [k, *line(trajectory.parents[k])] if k else [0]
+
+    steps = set(line(i)) ^ set(line(j))
+    Ad = se3.adjoint(se3.inverse(trajectory.poses[j]) @ trajectory.poses)
+    return sum((Ad[k] @ trajectory.step_covariances[k - 1] @ Ad[k].T for k in steps), np.zeros((6, 6)))
+
+
+def test_where_odometry_branches_covariances_follow_its_steps():
+    trajectory, pairs = branching(), np.random.default_rng(1).integers(0, 40, (60, 2))
+    found = trajectory.relative_covariance(*pairs.T)
+    np.testing.assert_allclose(found, [way(trajectory, i, j) for i, j in pairs], atol=1e-12)
+    traces = trajectory.rotation_variance_between(*pairs.T)
+    np.testing.assert_allclose(traces, np.trace(trajectory.drift_between(*pairs.T)[:, :3, :3], axis1=1, axis2=2))
+
+
+def test_a_subset_with_the_forks_keeps_the_odometry_of_a_branching_trajectory():
+    trajectory = branching(3)
+    kept = np.unique([0, 7, 11, 25, 38, *trajectory.junctions])
+    subset = trajectory.subset(kept)
+    i, j = np.random.default_rng(2).integers(0, len(kept), (2, 50))
+    expected = trajectory.relative_covariance(kept[i], kept[j])
+    np.testing.assert_allclose(subset.relative_covariance(i, j), expected, atol=1e-12)
+    assert trajectory.junctions.tolist() == [k for k in range(40) if (trajectory.parents[1:] == k).sum() > 1]
+
+
+def test_a_chain_given_by_parents_is_the_chain():
+    chain = replace(branching(), parents=np.maximum(np.arange(40) - 1, 0))
+    i, j = np.random.default_rng(2).integers(0, 40, (2, 50))
+    expected = replace(chain, parents=None).relative_covariance(i, j)
+    np.testing.assert_allclose(chain.relative_covariance(i, j), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("parents", [[0, 1, 1], [0, 0], [0, 0, -1], [1, 0, 0]])
+def test_parents_are_earlier_poses(parents):
+    with pytest.raises(InputError, match="earlier poses"):
+        Trajectory(
+            "a",
+            np.arange(3),
+            np.stack([np.eye(4)] * 3),
+            step_covariances=np.zeros((2, 6, 6)),
+            parents=np.array(parents),
+        )

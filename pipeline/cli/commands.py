@@ -18,6 +18,7 @@ from wiclosure.pipeline.cli import cache as cache_command
 from wiclosure.pipeline.cli import compare as compare_commands
 from wiclosure.pipeline.cli import data as data_commands
 from wiclosure.pipeline.cli import optimize as optimize_command
+from wiclosure.pipeline.cli import radio as radio_commands
 from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
@@ -42,7 +43,9 @@ app.command("demo")(compare_commands.demo)
 app.command("filter")(commands.filter_command)
 app.command("optimize")(optimize_command.optimize)
 app.command("simulate")(simulate_command.simulate)
+app.command("init")(data_commands.init)
 app.command("split")(data_commands.split)
+app.add_typer(radio_commands.app, name="radio")
 app.command("eval")(commands.eval_command)
 app.command("report")(report_command.report)
 app.command("info")(data_commands.info)

@@ -9,20 +9,35 @@ from rich.table import Table
 
 from wiclosure.pipeline.comparison.figures import FIGURES, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
+from wiclosure.pipeline.comparison.starts import has_truth, start_rows
 from wiclosure.pipeline.comparison.tables import arm_rows
 
 SHOWN = ("ate_m", "accepted_true", "accepted_false", "missed_percent", "closing_s")
 """Figures that matter most."""
 
+SHOWN_WITHOUT_TRUTH = ("pairs_kept", "proposed", "accepted", "connected", "closing_s")
+"""Figures that matter most where nobody knows the true poses."""
+
 
 def comparison_table(comparison: Comparison) -> Table:
     """What matters most of each arm: medians and spread."""
-    header, rows = arm_rows(summaries(comparison), SHOWN)
+    shown = SHOWN if has_truth(comparison) else SHOWN_WITHOUT_TRUTH
+    header, rows = arm_rows(summaries(comparison), shown)
     table = _table("comparison")
     table.add_column(header[0], style="bold", no_wrap=True)
     for title in header[1:]:
         table.add_column(title, justify="right", min_width=9 if title == FIGURES["ate_m"].label else None)
     for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def starts_table(comparison: Comparison) -> Table:
+    """Where each arm puts the robots' starts relative to each other, and how far from the first arm that says so."""
+    table = _table("where the robots start: first pose of the second in that of the first")
+    for title in ("arm", "robots", "x, m", "y, m", "z, m", "yaw, deg", "from the first arm"):
+        table.add_column(title, justify="left" if title in {"arm", "robots"} else "right", no_wrap=title == "arm")
+    for row in start_rows(comparison):
         table.add_row(*row)
     return table
 

@@ -1,4 +1,4 @@
-"""Commands that make or inspect data: split, info."""
+"""Commands that make or inspect data: init, split, info."""
 
 from __future__ import annotations
 
@@ -50,19 +50,63 @@ def split(
     Console().print(f"data set of {robots} robots in {out}; merge it with: wiclosure run {out}")
 
 
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="folder with recordings, radio logs, trajectories")],
+    salvage: Salvage = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a commented dataset.yaml from what a folder holds; what is guessed is marked.
+
+    Example: wiclosure init ~/data/site, then wiclosure run ~/data/site
+    """
+    from wiclosure.errors import OutputError
+    from wiclosure.pipeline.data.dataset_file import DATASET_FILE
+    from wiclosure.pipeline.data.folders.draft import GUESS, draft_dataset
+    from wiclosure.pipeline.data.folders.survey import survey
+    from wiclosure.pipeline.runtime.log import warnings_on_terminal
+    from wiclosure.pipeline.runtime.output import whole_file
+
+    target = folder / DATASET_FILE
+    if target.exists() and not overwrite:
+        raise OutputError(f"{target} exists already; edit it, or write a new one with --overwrite")
+    with warnings_on_terminal():
+        text = draft_dataset(folder, survey(folder, salvage=salvage))
+    with whole_file(target) as scratch:
+        scratch.write_text(text, encoding="utf-8")
+    typer.echo(text, nl=False)
+    guesses = sum(GUESS in line for line in text.splitlines()[1:])
+    marked = f"{guesses} lines are guesses: look at them" if guesses else "nothing in it is guessed"
+    if waiting := sum(": NAME" in line and "# -" in line for line in text.splitlines()):
+        marked += f"; {waiting} radio logs are left out until you name the robots of their ids"
+    typer.echo(f"written to {target}; {marked}. Merge it with: wiclosure run {folder}")
+
+
 def info(
-    path: Annotated[Path, typer.Argument(metavar="BAG", help="a bag, KITTI folder or folder of point clouds")],
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PATH", help="a bag, folder of scans, radio log or dataset.yaml, or a folder of all that"
+        ),
+    ],
     salvage: Salvage = False,
     as_json: Json = False,
 ) -> None:
-    """Show what a recording holds: topics, types, counts, duration, point fields."""
+    """Show what a recording, data set, radio log or folder of them holds, and what of it a run would use.
+
+    Of a recording: topics, types, counts, duration, point fields.
+    """
     from rich.console import Console
 
-    from wiclosure.pipeline.report.tables import recording_table
+    from wiclosure.pipeline.data.folders.overview import overview
+    from wiclosure.pipeline.report.tables import overview_table, recording_table
+    from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.sources.info import recording_info
 
-    found = recording_info(path, salvage=salvage)
+    with warnings_on_terminal():
+        entries = overview(path, salvage=salvage)
+        recording = None if entries else recording_info(path, salvage=salvage)
     if as_json:
-        typer.echo(json.dumps(asdict(found), indent=2, default=str))
+        content = [asdict(entry) for entry in entries] if recording is None else asdict(recording)
+        typer.echo(json.dumps(content, indent=2, default=str))
     else:
-        Console().print(recording_table(found))
+        Console().print(overview_table(path, entries) if recording is None else recording_table(recording))

@@ -16,7 +16,8 @@ def optimize(
     graphs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="GRAPH.g2o...", help="pose graphs (SE3:QUAT), one or several files; GTSAM's symbols name the robots"
+            metavar="GRAPH...",
+            help="pose graphs, one or several files: g2o, Toro (.xz or .gz too), JSON Robot Log (.jrl)",
         ),
     ],
     *,
@@ -28,7 +29,10 @@ def optimize(
 ) -> None:
     """Merge several robots' pose graphs, false closures or not: consistency check, then robust estimate.
 
-    Writes graph.g2o with the fate of every closure, <robot>.tum and <robot>_kitti.txt, closures.csv, summary.json.
+    A robot is what its own edges connect: GTSAM's symbols name robots, and where numbers are plain, edges tell them.
+
+    Writes graph.g2o with the fate of every closure, <robot>.tum and <robot>_kitti.txt, closures.csv, summary.json, and
+    results.jrr for a JSON Robot Log.
 
     For example:
 
@@ -40,15 +44,17 @@ def optimize(
 
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.config import resolve
-    from wiclosure.pipeline.stages import optimising as optimizing
+    from wiclosure.pipeline.report.merged_tables import merged_tables
+    from wiclosure.pipeline.stages.merged_folder import summary, write_merged
+    from wiclosure.pipeline.stages.optimising import merge
 
     settings = resolve(config, set_)
     with result_folder(result, list(map(str, graphs))) as (folder, scratch):
-        merged = optimizing.merge(graphs, settings)
-        optimizing.write(scratch, merged)
+        merged = merge(graphs, settings)
+        write_merged(scratch, merged)
     if as_json:
-        typer.echo(json.dumps(optimizing.summary(merged), indent=2, allow_nan=False))
+        typer.echo(json.dumps(summary(merged), indent=2, allow_nan=False))
     elif not quiet:
-        for table in optimizing.tables(merged):
+        for table in merged_tables(summary(merged)):
             Console().print(table)
         Console().print(f"merged graph and trajectories in {folder}")

@@ -43,6 +43,13 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", help="one setting, e.g. keyframes.distance_m=2; may be repeated", show_default=False),
 ]
+WIRELESS_HELP = (
+    "radio log: a file or bag, with settings behind commas where it needs some"
+    " (uwb.csv,unit=mm,robots.7=alpha), or a YAML file of them"
+)
+Wireless = Annotated[
+    list[str] | None, typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP, show_default=False)
+]
 NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
 Salvage = Annotated[bool, typer.Option("--salvage", help="read damaged bags as far as possible")]
@@ -88,10 +95,7 @@ class Reading:
         str | None,
         typer.Option("--topic", help="PointCloud2 topic; needed only where a bag has several", show_default=False),
     ] = None
-    wireless: Annotated[
-        list[Path] | None,
-        typer.Option("--wireless", "-w", help="wireless log (JSON Lines), besides those of the data set"),
-    ] = None
+    wireless: Wireless = None
     n_scans: Annotated[
         int | None, typer.Option("-n", "--n-scans", min=1, help="read at most this many scans of each robot")
     ] = None

@@ -12,6 +12,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
+    WIRELESS_HELP,
     ConfigName,
     Configuration,
     Data,
@@ -114,7 +115,7 @@ def filter_command(
             "--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM file); one for each robot"
         ),
     ],
-    wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
+    wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
     files: FilterFiles,
     *,
     filter_name: FilterName = None,
@@ -133,6 +134,7 @@ def filter_command(
 
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
@@ -140,7 +142,8 @@ def filter_command(
     settings = resolve(config, set_, use_filter=filter_name)
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
-        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs, report=files.report)
+        logs = sources_of_words(wireless)
+        result = filtering.filter_candidates(trajectory, logs, config=settings, outputs=outputs, report=files.report)
     if as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not quiet:

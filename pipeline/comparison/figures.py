@@ -19,8 +19,13 @@ def closing_seconds(seconds: Mapping[str, float]) -> float:
     return sum(seconds[stage] for stage in CLOSING)
 
 
-def saving_percent(metrics: Metrics, base: Metrics) -> float:
-    """How much less time search, verification and optimisation take than with the base arm, uncached."""
+def saving_percent(metrics: Metrics, base: Metrics) -> float | None:
+    """How much less time search, verification and optimisation take than with the base arm, uncached.
+
+    None where either found no closure: doing less and finding nothing saves nothing.
+    """
+    if not (metrics["closures"]["accepted"] and base["closures"]["accepted"]):
+        return None
     return 100 * (1 - closing_seconds(metrics["seconds"]) / closing_seconds(base["seconds"]))
 
 
@@ -69,6 +74,10 @@ FIGURES: dict[str, Figure] = {
     "false_rejected_percent": Figure(
         "rejected false, %", lambda m: _percent(m["candidates"]["false_rejected"]), None, "{:.1f}"
     ),
+    "pairs_kept": Figure("pairs kept", lambda m: m["pairs_kept"], None, "{:.4g}"),
+    "proposed": Figure("proposed", lambda m: m["closures"]["proposed"], None, "{:.4g}"),
+    "accepted": Figure("accepted", lambda m: m["closures"]["accepted"], None, "{:.4g}"),
+    "connected": Figure("robots connected", lambda m: len(m["components"][0]["robots"]), "high", "{:.4g}"),
     "closing_s": Figure("closing time, s", lambda m: closing_seconds(m["seconds"]), "low", "{:.3g}"),
     "filter_s": Figure("filter, s", lambda m: m["seconds"]["filter"], None, "{:.2f}"),
     "filter_share_percent": Figure("filter, % of run", filter_share_percent, None, "{:.2f}"),
@@ -111,7 +120,8 @@ def summaries(comparison: Comparison) -> list[ArmSummary]:
 def _summary(preset: str, name: str, outcomes: Sequence[Outcome], base: Sequence[Outcome]) -> ArmSummary:
     is_base = outcomes == base
     base_of = {o.seed: o.metrics for o in base}
-    savings = [saving_percent(o.metrics, base_of[o.seed]) for o in outcomes if o.seed in base_of]
+    compared_to = [(o.metrics, base_of[o.seed]) for o in outcomes if o.seed in base_of]
+    savings = [saved for own, of_base in compared_to if (saved := saving_percent(own, of_base)) is not None]
     spreads = {key: spread(list(_values(figure, outcomes).values())) for key, figure in FIGURES.items()}
     compared = {
         key: paired(_values(figure, outcomes), _values(figure, base), figure.better)

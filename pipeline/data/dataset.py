@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.wireless_log import read_wireless_log
+from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, read_dataset_file
 from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
 from wiclosure.pipeline.data.odometry_reader import read_recorded_odometry
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.read import read_radio
+from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.unused import unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.bags import topic_names
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.suggestions import did_you_mean
@@ -34,7 +38,7 @@ class Dataset:
 
     Args:
         robots: recordings by name of the robot, in order.
-        wireless: wireless logs (JSON Lines), or bags with wireless topics, besides those in the robots' own bags.
+        wireless: radio logs, besides the wireless topics of the robots' own bags.
         origin: the file that describes the data set, or None.
 
     Raises:
@@ -42,7 +46,7 @@ class Dataset:
     """
 
     robots: Mapping[str, RobotRecording]
-    wireless: tuple[Path, ...] = ()
+    wireless: tuple[RadioSource, ...] = ()
     origin: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -70,6 +74,7 @@ class Dataset:
             return open_source(
                 recording.scans,
                 topic=recording.topic,
+                layout=recording.layout,
                 limit=limit,
                 salvage=salvage,
                 time_offset=recording.time_offset,
@@ -80,7 +85,7 @@ class Dataset:
     def ground_truth(self, robot: str, *, salvage: bool = False) -> Trajectory | None:
         """`T_world_body` of the robot, its clock set right, or None where nobody knows it.
 
-        From the robot's TUM file, or from `poses.txt` of a KITTI folder.
+        From the robot's file or topic, or from `poses.txt` of a KITTI folder.
 
         Raises:
             InputError: the file is malformed, or does not overlap in time with the scans.
@@ -114,17 +119,42 @@ class Dataset:
             InputError: a log or bag cannot be read, or mentions a robot that the data set does not have.
         """
         records = WirelessLog()
-        for path in self.wireless:
-            log = read_wireless_topics(path, salvage=salvage) if bag_kind(path) else read_wireless_log(path)
-            records += self._known(log, path)
+        for source in self._sources():
+            records += self._known(read_radio(source, self.robots, salvage=salvage).log, source.path)
         for robot, recording in self.robots.items():
             if bag_kind(recording.scans):
                 links = {topic: (robot, transmitter) for topic, transmitter in recording.ranges.items()}
                 log = read_wireless_topics(recording.scans, range_topics=links, salvage=salvage)
                 records += self._known(log, recording.scans)
+        self._say_unused(salvage=salvage)
         return self._in_common_time(_each_once(records))
 
-    def _known(self, log: WirelessLog, path: Path) -> WirelessLog:
+    def _sources(self) -> Iterator[RadioSource]:
+        """All sources, those of topics without a path once for each robot's bag that has the topic."""
+        for source in self.wireless:
+            if source.path is not None:
+                yield source
+                continue
+            pattern, found = NamePattern(source.topic or ""), False
+            for robot, recording in self.robots.items():
+                if bag_kind(recording.scans) and any(map(pattern.fits, topic_names(recording.scans))):
+                    found = True
+                    yield source.of_bag(recording.scans, robot)
+            if not found:
+                raise InputError(f"no robot's bag has the topic {source.topic}, which wireless names; check its name")
+
+    def _say_unused(self, *, salvage: bool) -> None:
+        """A warning for each topic of the bags that looks like radio and is not read."""
+        used = [source.topic for source in self.wireless if source.topic is not None]
+        used += [topic for recording in self.robots.values() for topic in recording.ranges]
+        owners = {recording.scans: robot for robot, recording in self.robots.items()}  # one bag may hold a team
+        for scans, owner in owners.items():
+            if bag_kind(scans):
+                others = [robot for robot in self.robots if robot != owner]
+                for radio in unused_radio(scans, used, salvage=salvage):
+                    logger.warning("%s: %s", scans, radio.sentence(others))
+
+    def _known(self, log: WirelessLog, path: Path | None) -> WirelessLog:
         for robot in sorted(log.robots() - set(self.robots)):
             raise InputError(
                 f"{path} mentions the robot {robot!r}, but the data set has {', '.join(self.robots)};"
@@ -151,13 +181,13 @@ class Dataset:
         return WirelessLog() + WirelessLog(measurements, headings)
 
 
-def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Iterable[Path] = ()) -> Dataset:
+def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Iterable[RadioSource] = ()) -> Dataset:
     """The data set that the user names on the command line.
 
     Args:
         args: one `dataset.yaml` (or its folder), or recordings as `alpha=path`; a path alone is named by its file name.
         topic: PointCloud2 topic of all bags, whatever the file states.
-        wireless: wireless logs besides those of the file.
+        wireless: radio logs besides those of the file.
 
     Raises:
         InputError: something is missing, unknown, or named twice; one line that names it.
@@ -169,13 +199,9 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
         origin: Path | None = file
     else:
         robots, logs, origin = _named_recordings(args), (), None
-    extra = tuple(Path(path) for path in wireless)
-    for path in extra:
-        if not path.exists():
-            raise InputError(f"wireless log {path} does not exist; check the path")
     if topic is not None:
         robots = {robot: replace(r, topic=topic) for robot, r in robots.items()}
-    return Dataset(robots, (*logs, *extra), origin)
+    return Dataset(robots, (*logs, *wireless), origin)
 
 
 def _dataset_file(argument: str) -> Path | None:

@@ -6,10 +6,8 @@ robots:
   beta:  {scans: beta_bag/, topic: /points, ground_truth: beta_gt.tum}
 wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
-Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
-`sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
-(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` is the pose of the
-LiDAR in the body frame of that odometry.
+Paths are relative to the file.  `ROBOT_KEYS` says what a robot may have, `RadioSource` what a wireless source may; the
+reference in docs/dataset.md is made of both (`wiclosure.pipeline.data.dataset_reference`).
 """
 
 from __future__ import annotations
@@ -17,21 +15,28 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.words import sources_of_entries
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.clouds.bin import LAYOUTS, record_type
 from wiclosure.suggestions import did_you_mean
 
 DATASET_FILE = "dataset.yaml"
 WIRELESS_FILE = "wireless.jsonl"
 
 
-def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path, ...]]:
-    """Recordings by robot, and wireless logs; all of them exist.
+def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[RadioSource, ...]]:
+    """Recordings by robot, and radio logs; all of them exist.
 
     Raises:
         InputError: the file cannot be read, is not as described above, or names files that do not exist.
@@ -43,20 +48,16 @@ def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path
         _text(path, "a robot's name", robot): _robot(path, str(robot), entry)
         for robot, entry in _mapping(path, '"robots"', content["robots"]).items()
     }
-    logs = content.get("wireless") or []
-    logs = [logs] if isinstance(logs, str) else logs
-    if not isinstance(logs, list):
-        raise InputError(f'{path}: "wireless" is {_shown(logs)}; expected a list of files')
-    return robots, tuple(_existing(path, "wireless log", log) for log in logs)
+    return robots, sources_of_entries(content.get("wireless"), path.parent, str(path))
 
 
-def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wireless: Iterable[Path] = ()) -> None:
+def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wireless: Iterable[RadioSource] = ()) -> None:
     """Writes a data set file; paths become relative to it where they lie beside or below it.
 
     Args:
         path: the file.
         robots: recordings by name of the robot, in order.
-        wireless: wireless logs.
+        wireless: radio logs.
 
     Raises:
         OutputError: the file cannot be written.
@@ -64,7 +65,7 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
     path = Path(path)
     entries = {robot: _entry(path.parent, recording) for robot, recording in robots.items()}
     content: dict[str, Any] = {"robots": entries}
-    if logs := [_relative(path.parent, log) for log in wireless]:
+    if logs := [_radio(path.parent, source) for source in wireless]:
         content["wireless"] = logs
     try:
         path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
@@ -108,20 +109,23 @@ def _load(path: Path) -> object:
 
 def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     where = f"robot {robot}"
-    keys = _mapping(path, where, entry, known=tuple(_VALUES))
+    keys = _mapping(path, where, entry, known=tuple(ROBOT_KEYS))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')
-    if keys.get("odometry") is not None and keys.get("odometry_topic") is not None:
-        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic"; name one')
-    values = {key: _VALUES[key](path, f'"{key}" of {where}', value) for key, value in keys.items() if value is not None}
-    return RobotRecording(**values)
+    values = {
+        key: ROBOT_KEYS[key].read(path, f'"{key}" of {where}', value)
+        for key, value in keys.items()
+        if value is not None
+    }
+    recording = RobotRecording(**values)
+    if recording.odometry and recording.odometry_topic and bag_kind(recording.odometry) is None:
+        raise InputError(f'{path}: {where} has "odometry" and "odometry_topic", but the first is no bag; name one')
+    return recording
 
 
 def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise InputError(
-            f"{path}: {what} is {_shown(value)}; expected keys with values, see {DATASET_FILE} in the README"
-        )
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected keys with values, see docs/dataset.md")
     for key in value:
         if known and key not in known:
             hint = did_you_mean(str(key), known)
@@ -140,6 +144,30 @@ def _text(path: Path, what: str, value: object) -> str:
     if not isinstance(value, str) or not value:
         raise InputError(f"{path}: {what} is {_shown(value)}; expected text (in quotes if it looks like a number)")
     return value
+
+
+def _beside(path: Path, what: str, value: object) -> Path:
+    """A file that need not exist: ground truth that is missing is said when it is read, and stops nothing."""
+    return path.parent / Path(_text(path, what, value)).expanduser()
+
+
+def _settings(path: Path, what: str, value: object) -> dict[str, object]:
+    chosen = dict(_mapping(path, what, value, known=tuple(OdometrySettings.model_fields)))
+    try:
+        OdometrySettings.model_validate(chosen)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        raise InputError(f"{path}: {what}: {'.'.join(map(str, problem['loc']))}: {problem['msg']}") from None
+    return chosen
+
+
+def _layout(path: Path, what: str, value: object) -> str:
+    layout = _text(path, what, value)
+    try:
+        record_type(layout)
+    except InputError as error:
+        raise InputError(f"{path}: {what}: {error}") from None
+    return layout
 
 
 def _seconds(path: Path, what: str, value: object) -> float:
@@ -161,15 +189,74 @@ def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
     return tuple(float(n) for n in numbers)
 
 
-_VALUES: Mapping[str, Callable[[Path, str, object], Any]] = {
-    "scans": _existing,
-    "topic": _text,
-    "ground_truth": _existing,
-    "time_offset": _seconds,
-    "ranges": _ranges,
-    "odometry": _existing,
-    "odometry_topic": _text,
-    "lidar_pose": _pose,
+@dataclass(frozen=True, slots=True)
+class RobotKey:
+    """One key of a robot's entry.
+
+    Args:
+        read: makes the value of `RobotRecording` of what YAML gives.
+        kind: what is expected, for the reference.
+        meaning: with units, signs and defaults, for the reference.
+    """
+
+    read: Callable[[Path, str, object], Any]
+    kind: str
+    meaning: str
+
+
+ROBOT_KEYS: Mapping[str, RobotKey] = {
+    "scans": RobotKey(_existing, "path", "required: a bag, KITTI folder or folder of clouds (see docs/recordings.md)"),
+    "topic": RobotKey(_text, "text", "topic of the point clouds; not needed where the bag has only one"),
+    "layout": RobotKey(
+        _layout,
+        "text",
+        f"what the records of `.bin` files hold: {', '.join(f'`{name}`' for name in LAYOUTS)}, or fields in their order"
+        " as `x y z intensity time:u4` (float32 where no type is said); default `kitti`",
+    ),
+    "ground_truth": RobotKey(
+        _beside,
+        "path",
+        "true poses of the body in one world for all robots, only to measure errors: TUM (`stamp x y z qx qy qz qw`,"
+        " seconds, metres), EuRoC, KITTI poses (a line for each scan of a folder), or a bag; a KITTI folder brings its"
+        " own. What cannot be read is said and left out",
+    ),
+    "ground_truth_topic": RobotKey(
+        _text,
+        "text",
+        "topic of the true poses, in the bag that `ground_truth` names or else in that of the scans: odometry, poses or"
+        " transforms, of several transforms with its frames, as `/tf world->alpha`",
+    ),
+    "time_offset": RobotKey(
+        _seconds,
+        "seconds",
+        "**added** to every stamp of this robot: scans, odometry, ground truth, and radio that it received; a robot"
+        " whose clock is 0.2 s ahead of the others' takes -0.2; default 0",
+    ),
+    "ranges": RobotKey(
+        _ranges, "topic: robot", "whom it measured on each `sensor_msgs/Range` topic of its bag, as `{/uwb_2: beta}`"
+    ),
+    "odometry": RobotKey(
+        _existing,
+        "path",
+        "its own odometry, TUM, EuRoC or a bag, in the place of KISS-ICP's; stamps in the clock of the scans, positions"
+        " in metres from anywhere (UTM too)",
+    ),
+    "odometry_topic": RobotKey(
+        _text,
+        "text",
+        "its topic, in the bag that `odometry` names or else in that of the scans; as `ground_truth_topic`",
+    ),
+    "odometry_settings": RobotKey(
+        _settings,
+        "setting: value",
+        "settings of `odometry` for this robot alone, as `{max_range_m: 40}`; they go before the configuration's",
+    ),
+    "lidar_pose": RobotKey(
+        _pose,
+        "[x, y, z, qx, qy, qz, qw]",
+        "pose of the LiDAR in the body frame of that odometry, metres; default: what static transforms in the bag say,"
+        " else they are the same",
+    ),
 }
 
 
@@ -179,22 +266,29 @@ def _shown(value: object) -> str:
 
 # ------------------------------------------------------------------------------------------------------------- writing
 def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
-    entry: dict[str, Any] = {"scans": _relative(folder, recording.scans)}
-    if recording.topic is not None:
-        entry["topic"] = recording.topic
-    if recording.ground_truth is not None:
-        entry["ground_truth"] = _relative(folder, recording.ground_truth)
-    if recording.time_offset:
-        entry["time_offset"] = recording.time_offset
-    if recording.ranges:
-        entry["ranges"] = dict(recording.ranges)
-    if recording.odometry is not None:
-        entry["odometry"] = _relative(folder, recording.odometry)
-    if recording.odometry_topic is not None:
-        entry["odometry_topic"] = recording.odometry_topic
-    if recording.lidar_pose is not None:
-        entry["lidar_pose"] = list(recording.lidar_pose)
+    """What is said of one robot, keys of their defaults left out."""
+    entry: dict[str, Any] = {}
+    for key in ROBOT_KEYS:
+        match getattr(recording, key):
+            case None | 0.0:
+                continue
+            case Path() as path:
+                entry[key] = _relative(folder, path)
+            case Mapping() as pairs:
+                entry |= {key: dict(pairs)} if pairs else {}
+            case tuple() as numbers:
+                entry[key] = list(numbers)
+            case value:
+                entry[key] = value
     return entry
+
+
+def _radio(folder: Path, source: RadioSource) -> str | dict[str, Any]:
+    """A path alone, or what is stated of the source."""
+    stated = source.model_dump(mode="json", exclude_unset=True, by_alias=True)
+    if source.path is not None:
+        stated["path"] = _relative(folder, source.path)
+    return stated["path"] if stated.keys() == {"path"} else stated
 
 
 def _relative(folder: Path, path: Path) -> str:

@@ -1,23 +1,28 @@
-"""Ground truth as robots bring it: TUM files, and the poses of KITTI folders."""
+"""Ground truth as robots bring it: files of trajectories, topics of bags, and the poses of KITTI folders."""
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.kitti_poses import KittiPoses, read_kitti_poses
+from wiclosure.formats.trajectory_file import trajectory_kind
+from wiclosure.pipeline.data.odometry_reader import read_poses
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
-from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder, rows_of_scans
+from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder
 from wiclosure.pipeline.sources.open import guess_loader, open_source
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, Trajectory
 
-_SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact
+logger = logging.getLogger(__name__)
+
+_FEW = 2  # poses that may be missing at the end: a drive's last scan is often left without one
 
 
 def recorded_ground_truth(robot: str, recording: RobotRecording, *, salvage: bool = False) -> Trajectory | None:
@@ -26,71 +31,92 @@ def recorded_ground_truth(robot: str, recording: RobotRecording, *, salvage: boo
     Raises:
         InputError: malformed, or without overlap in time with the scans.
     """
-    if recording.ground_truth is None:
+    path = recording.ground_truth
+    if path is None and recording.ground_truth_topic is None:
         return kitti_ground_truth(recording.scans, robot) if is_kitti_folder(recording.scans) else None
-    trajectory = read_tum(recording.ground_truth, robot)
+    if path is not None and path.is_file() and not bag_kind(path) and trajectory_kind(path) == "kitti":
+        return _of_poses_file(path, recording, robot)
+    trajectory = read_poses(robot, recording, path, recording.ground_truth_topic, salvage=salvage).trajectory
     first_ns, last_ns = _time_span(recording, salvage=salvage)
     if trajectory.stamps_ns[-1] < first_ns or trajectory.stamps_ns[0] > last_ns:
         raise InputError(
-            f"ground truth {recording.ground_truth} of {robot} covers {_span(*trajectory.stamps_ns[[0, -1]].tolist())},"
+            f"ground truth {path or recording.ground_truth_topic} of {robot} covers"
+            f" {_span(*trajectory.stamps_ns[[0, -1]].tolist())},"
             f" its scans {_span(first_ns, last_ns)}: they do not overlap; both must use one clock, in seconds"
         )
     return trajectory
 
 
 def kitti_ground_truth(folder: Path, robot: str) -> Trajectory | None:
-    """`T_world_lidar` of every scan of a KITTI folder, or None where it has no poses.
+    """`T_world_lidar` of every scan of a KITTI folder that has one, or None where it has no poses.
 
     Poses are `poses.txt` in the folder, or `poses/NN.txt` of the official layout.  With a `calib.txt` that has `Tr`
     (camera from LiDAR) they are the camera's, as KITTI publishes them: `T_world_lidar = Tr^-1 T_world_camera Tr`.
     Without it they are the LiDAR's already.
 
     Raises:
-        InputError: the poses are malformed, or fewer than the scans.
+        InputError: the poses are malformed, or do not fit the scans.
     """
     official = folder.absolute().parent.parent / "poses" / f"{folder.absolute().name}.txt"
     path = next((file for file in (folder / "poses.txt", official) if file.is_file()), None)
     if path is None:
         return None
     source = KittiSource(folder)
-    poses = read_kitti_poses(path)
-    rows = rows_of_scans(source.scan_files, len(poses), path, "poses")
-    T_camera_lidar = _calibration(folder / "calib.txt")
-    T_world_lidar = poses[rows]
+    return _of_scans(path, source.scan_numbers, source.stamps_ns, _calibration(folder / "calib.txt"), robot)
+
+
+def _of_poses_file(path: Path, recording: RobotRecording, robot: str) -> Trajectory:
+    """Of a file without stamps, which belongs to the scans of a folder."""
+    if bag_kind(recording.scans):
+        raise InputError(
+            f"{path} holds KITTI poses, which carry no stamps, and {recording.scans} is a bag; give a TUM file"
+        )
+    if is_kitti_folder(recording.scans):
+        source = KittiSource(recording.scans)
+        numbers, T_camera_lidar = source.scan_numbers, _calibration(recording.scans / "calib.txt")
+        return _of_scans(path, numbers, source.stamps_ns, T_camera_lidar, robot)
+    clouds = FolderSource(recording.scans, recording.layout)
+    return _of_scans(path, np.arange(len(clouds)), clouds.stamps_ns, None, robot)
+
+
+def _of_scans(
+    path: Path, numbers: IntArray, stamps_ns: IntArray, T_camera_lidar: FloatArray | None, robot: str
+) -> Trajectory:
+    """Poses of a file without stamps, matched with scans of these numbers and stamps `(N,)`."""
+    found = read_kitti_poses(path)
+    scans, rows = _matched(path, numbers, found)
+    T_world_lidar = found.poses[rows]
     if T_camera_lidar is not None:
         T_world_lidar = se3.inverse(T_camera_lidar) @ T_world_lidar @ T_camera_lidar
-    latest_ns = np.maximum.accumulate(source.stamps_ns)
-    keep = np.concatenate([[True], source.stamps_ns[1:] > latest_ns[:-1]])  # the scans that odometry uses
-    return Trajectory(robot, source.stamps_ns[keep], T_world_lidar[keep])
+    chosen = stamps_ns[scans]
+    keep = np.concatenate([[True], chosen[1:] > np.maximum.accumulate(chosen)[:-1]])  # the scans that odometry uses
+    return Trajectory(robot, chosen[keep], T_world_lidar[keep])
 
 
-def read_kitti_poses(path: Path) -> FloatArray:
-    """Poses `(N, 4, 4)`: the upper three rows of each, 12 numbers a line.
+def _matched(path: Path, numbers: IntArray, found: KittiPoses) -> tuple[IntArray, IntArray]:
+    """Indices of scans and of poses that belong together.
+
+    By the frames' numbers, where the file states them; else by order where there are as many poses as scans, by the
+    scans' numbers where these are lines of the file, and by order where only the last poses are missing.
 
     Raises:
-        InputError: the file cannot be read, or a line is something else.
+        InputError: nothing fits.
     """
-    try:
-        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read the poses {path}: {error}; check the file") from error
-    poses = np.tile(np.eye(4), (len(lines), 1, 1))
-    for number, words in enumerate(lines):
-        try:
-            poses[number, :3] = np.array(words, float).reshape(3, 4)
-        except ValueError:
-            raise InputError(f"{path}, line {number + 1}: expected 12 numbers (a 3 x 4 matrix), row by row") from None
-        if not np.isfinite(poses[number]).all():
-            raise InputError(f"{path}, line {number + 1}: not finite; expected 12 numbers (a 3 x 4 matrix)")
-    R = poses[:, :3, :3]
-    skewness = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2)) + (np.linalg.det(R) < 0)
-    if (skewness > _SKEWNESS).any():
-        raise InputError(
-            f"{path}, line {np.argmax(skewness) + 1}: not a pose; expected a 3 x 4 matrix [R | t], row by row"
-        )
-    if len(poses):
-        poses[:, :3, :3] = Rotation.from_matrix(R).as_matrix()
-    return poses
+    scans, poses = len(numbers), len(found.poses)
+    if found.frames is not None:
+        _, of_scans, rows = np.intersect1d(numbers, found.frames, return_indices=True)
+        if len(rows):
+            return of_scans, rows
+    elif poses == scans:
+        return np.arange(scans), np.arange(scans)
+    elif numbers.max() < poses:
+        return np.arange(scans), numbers
+    elif 0 < scans - poses <= _FEW and poses:
+        logger.warning("%s has %d poses for %d scans; the last scans have no ground truth", path, poses, scans)
+        return np.arange(poses), np.arange(poses)
+    raise InputError(
+        f"{path} has {poses} poses for {scans} scans, the last with the number {numbers.max()}; complete it"
+    )
 
 
 def _calibration(path: Path) -> FloatArray | None:
@@ -117,7 +143,10 @@ def _time_span(recording: RobotRecording, *, salvage: bool) -> tuple[int, int]:
         first = next(iter(open_source(recording.scans, topic=recording.topic, salvage=salvage)), None)
         start_ns = first.stamp_ns if first else 0
         return start_ns, start_ns + duration_ns
-    source = KittiSource(recording.scans) if is_kitti_folder(recording.scans) else FolderSource(recording.scans)
+    if is_kitti_folder(recording.scans):
+        source: KittiSource | FolderSource = KittiSource(recording.scans)
+    else:
+        source = FolderSource(recording.scans, recording.layout)
     return int(source.stamps_ns.min()), int(source.stamps_ns.max())
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from wiclosure.interfaces import ScanSource
 from wiclosure.types import Trajectory, WirelessLog
@@ -19,6 +20,10 @@ class RobotInput:
         ground_truth: `T_world_body`, one world for all robots, or None.
         salvaged: whether what is damaged is read as far as it goes.
         odometry: the robot's own `T_odom_body`, in the place of KISS-ICP's, or None.
+        odometry_origin_m: `(3,)` where that odometry frame's origin was moved to, so that numbers stay small.
+        elevation_correction_deg: what the sensor's calibration needs, where nothing else is set.
+        odometry_settings: settings of odometry that are this robot's own, by name.
+        remarks: sentences on what is not used, and why.
     """
 
     robot: str
@@ -27,6 +32,10 @@ class RobotInput:
     ground_truth: Trajectory | None
     salvaged: bool = False
     odometry: Trajectory | None = None
+    odometry_origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    elevation_correction_deg: float = 0.0
+    odometry_settings: Mapping[str, object] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

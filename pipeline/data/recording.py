@@ -14,11 +14,14 @@ class RobotRecording:
     Args:
         scans: bag, KITTI folder or folder of clouds.
         topic: PointCloud2 topic; None takes the only one.
-        ground_truth: TUM file of `T_world_body`, or None.
+        layout: fields of the records in a folder's `.bin` files (see `wiclosure.pipeline.sources.clouds.bin`).
+        ground_truth: file (TUM, EuRoC, KITTI poses) or bag of `T_world_body`, or None.
+        ground_truth_topic: its topic, where it is in a bag: the one named, or that of the scans.
         time_offset: seconds to add to every stamp of this robot: scans, ground truth and radio.
         ranges: transmitter of each `sensor_msgs/Range` topic in the robot's bag that is a radio's.
-        odometry: TUM file of the robot's own odometry, in the place of KISS-ICP's, or None.
-        odometry_topic: the same as a `nav_msgs/Odometry` topic of its bag.
+        odometry: file (TUM, EuRoC) or bag of the robot's own odometry, in the place of KISS-ICP's, or None.
+        odometry_topic: its topic, where it is in a bag: the one named, or that of the scans.
+        odometry_settings: settings of odometry that are this robot's own, by name.
         lidar_pose: `x y z qx qy qz qw` of the LiDAR in the body frame of that odometry; None: they are the same.
     """
 
@@ -30,6 +33,9 @@ class RobotRecording:
     odometry: Path | None = None
     odometry_topic: str | None = None
     lidar_pose: tuple[float, ...] | None = None
+    layout: str | None = None
+    ground_truth_topic: str | None = None
+    odometry_settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def time_offset_ns(self) -> int:

@@ -12,6 +12,7 @@ from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.types import Scan, WirelessLog
@@ -83,7 +84,8 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         recording = RECORDERS[formats[robot]](folder / robot, scans, wireless)
         ground_truth = folder / f"{robot}_gt.tum"
         write_tum(ground_truth, scenario.ground_truth(robot))
-        robots[robot] = RobotRecording(recording, ground_truth=ground_truth)
+        as_simulated = {"elevation_correction_deg": 0.0} if formats[robot] == "kitti" else {}
+        robots[robot] = RobotRecording(recording, ground_truth=ground_truth, odometry_settings=as_simulated)
     write_wireless_log(folder / WIRELESS_FILE, wireless)
-    write_dataset(folder / DATASET_FILE, robots, [folder / WIRELESS_FILE])
+    write_dataset(folder / DATASET_FILE, robots, [RadioSource(path=folder / WIRELESS_FILE)])
     return folder / DATASET_FILE

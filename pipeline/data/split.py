@@ -22,6 +22,7 @@ from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.ground_truth import kitti_ground_truth
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_folder
 from wiclosure.pipeline.sources.kitti import KittiSource, sequence_folders
 from wiclosure.types import IntArray, Trajectory, WirelessLog
@@ -82,10 +83,10 @@ def split_kitti(
     parts = contiguous_parts(source.stamps_ns, robots, overlap)
     with whole_folder(out, overwrite=overwrite) as scratch:
         recordings = {robot: _write_robot(scratch, robot, part, source, truth) for robot, part in parts.items()}
-        logs = []
+        logs: list[RadioSource] = []
         if heard is not None:
             write_wireless_log(scratch / WIRELESS_FILE, heard(Dataset(recordings)))
-            logs.append(scratch / WIRELESS_FILE)
+            logs.append(RadioSource(path=scratch / WIRELESS_FILE))
         write_dataset(scratch / DATASET_FILE, recordings, logs)
         _write_record(scratch / SPLIT_FILE, source.path, parts)
     return load_dataset([str(out / DATASET_FILE)])

@@ -37,17 +37,19 @@ class Matched:
 def truth_at(truth: Trajectory | None, stamps_ns: np.ndarray, gap_s: float) -> tuple[FloatArray, np.ndarray]:
     """Ground-truth poses `(N, 4, 4)` interpolated at stamps, and which of them `(N,)` it really covers.
 
-    A stamp is covered if ground truth has one no further than `gap_s` before and one no further after.
+    A stamp is covered if ground truth has one no further than `gap_s` before and one no further after.  Beyond the ends
+    half a step of ground truth is granted: stamps are rounded.
     """
     if truth is None:
         return np.broadcast_to(np.eye(4), (len(stamps_ns), 4, 4)), np.zeros(len(stamps_ns), bool)
     before = np.searchsorted(truth.stamps_ns, stamps_ns, side="right") - 1
     after = np.searchsorted(truth.stamps_ns, stamps_ns, side="left")
-    inside = (before >= 0) & (after < len(truth))
+    tolerance_ns = round(min(float(np.median(np.diff(truth.stamps_ns))) / 2, gap_s * 1e9)) if len(truth) > 1 else 0
+    inside = truth.covers(stamps_ns, tolerance_ns)
     gap_ns = round(gap_s * 1e9)
     near_before = stamps_ns - truth.stamps_ns[np.maximum(before, 0)] <= gap_ns
     near_after = truth.stamps_ns[np.minimum(after, len(truth) - 1)] - stamps_ns <= gap_ns
-    return truth.at(stamps_ns), inside & near_before & near_after
+    return truth.at_or_beyond(stamps_ns), inside & near_before & near_after
 
 
 def matched(trajectory: Trajectory, truth: Trajectory | None, gap_s: float) -> Matched:

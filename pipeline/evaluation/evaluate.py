@@ -9,6 +9,7 @@ from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.closures import candidate_metrics, closure_metrics
 from wiclosure.pipeline.evaluation.funnel import funnel
 from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.evaluation.radio import radio_metrics, start_metrics
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.evaluation.trajectories import odometry_errors, trajectory_metrics
 from wiclosure.types import Closure, FilterResult, Trajectory
@@ -75,6 +76,8 @@ def evaluate(
         "candidates_registrable": registrable,
         "closures": closure_metrics(found.closures, judge),
         "funnel": funnel(candidates, found.filtered, found.closures, truth, judge),
+        "radio": radio_metrics(found.filtered),
+        "starts": start_metrics(found.merged, found.components),
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,

@@ -58,6 +58,33 @@ class AlignmentMetrics(TypedDict):
     ambiguous: bool | None
 
 
+class RadioMetrics(TypedDict):
+    """What the radio told of how two robots' odometry frames lie.
+
+    Sigmas are those of the frame of b in that of a; None where no alignment was found. `links_used`: measurements that
+    the kept pairs rest on; None where the alignment was not used.
+    """
+
+    certain: bool
+    reason: str
+    yaw_sigma_deg: float | None
+    horizontal_sigma_m: float | None
+    height_sigma_m: float | None
+    measurements_explained: int | None
+    links_used: int | None
+
+
+class StartMetrics(TypedDict):
+    """The merged result's first pose of robot b in that of robot a."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float
+    pitch_deg: float
+    roll_deg: float
+
+
 class RelativeErrorMetrics(TypedDict):
     """Root mean square error of relative poses: from one pose to the next, and over a distance."""
 
@@ -120,4 +147,6 @@ class Metrics(TrajectoryMetrics, CostMetrics):
     candidates_registrable: CandidateMetrics
     closures: ClosureMetrics
     funnel: list[StageCount]
+    radio: dict[str, RadioMetrics]
+    starts: dict[str, StartMetrics]
     ate_odometry_m: dict[str, float | None]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
-from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.data.folders.overview import Entry
+from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, RadioMetrics, TrajectoryMetrics
 from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult
 
@@ -27,6 +29,10 @@ def run_table(metrics: Metrics) -> Table:
     )
     if closures["accepted_true"] is not None:
         table.add_row("  by ground truth", f"{closures['accepted_true']} true, {closures['accepted_false']} false")
+    if metrics["radio"]:
+        table.add_section()
+        for pair, radio in metrics["radio"].items():
+            table.add_row(f"radio {escape(pair)}", _radio(radio))
     table.add_section()
     _add_errors(table, metrics)
     table.add_section()
@@ -78,6 +84,18 @@ def recording_table(found: RecordingInfo) -> Table:
     return table
 
 
+def overview_table(path: Path, entries: Sequence[Entry]) -> Table:
+    """What lies in a folder or data set, and for what a run would use it."""
+    table = Table(title=escape(str(path)), title_justify="left", title_style="bold")
+    for column in ("path", "what", "used as"):
+        table.add_column(column, overflow="fold")
+    for entry in entries:
+        within = path if path.is_dir() else path.parent
+        shown = entry.path.relative_to(within) if entry.path.is_relative_to(within) else entry.path
+        table.add_row(escape(str(shown)), escape(entry.what), escape(entry.use) or "[dim]not used[/dim]")
+    return table
+
+
 # -------------------------------------------------------------------------------------------------------------- parts
 def _two_columns(title: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", show_header=False)
@@ -108,6 +126,19 @@ def _add_remarks(table: Table, sentences: Sequence[str]) -> None:
         table.add_section()
     for n, sentence in enumerate(sentences):
         table.add_row("remarks" if n == 0 else "", escape(sentence))
+
+
+def _radio(found: RadioMetrics) -> str:
+    """Whether the radio places the robots, how well, and by how many links."""
+    said = "alignment certain" if found["certain"] else "alignment not certain, so it prunes nothing"
+    if found["yaw_sigma_deg"] is not None:
+        said += (
+            f"; sigma {found['yaw_sigma_deg']:.1f}° in yaw, {_metres(found['horizontal_sigma_m'])} on the ground,"
+            f" {_metres(found['height_sigma_m'])} in height"
+        )
+    if found["links_used"] is not None:
+        said += f"; {found['links_used']} links used"
+    return escape(said)
 
 
 def _candidates(found: CandidateMetrics) -> str:

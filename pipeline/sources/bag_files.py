@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
+import yaml
+
 from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.salvage import mcap as salvage_mcap
 from wiclosure.pipeline.sources.salvage import ros1 as salvage_ros1
 from wiclosure.pipeline.sources.salvage import zstd
+
+logger = logging.getLogger(__name__)
 
 KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
 _MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
@@ -41,12 +47,8 @@ def _storage_files(folder: Path) -> list[Path]:
     for suffix in (".mcap", ".db3", ".bag"):
         files = [*folder.glob(f"*{suffix}"), *folder.glob(f"*{suffix}.zstd")]
         if files:
-            return sorted(files, key=_natural)
+            return sorted(files, key=lambda file: natural(file.name))
     return []
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r"(\d+)", path.name)]
 
 
 def plain_files(path: Path, stack: ExitStack) -> list[Path]:
@@ -57,11 +59,10 @@ def plain_files(path: Path, stack: ExitStack) -> list[Path]:
         stack: deletes the temporary folder when it closes.
 
     Raises:
-        InputError: a folder without metadata holds files of different names.
+        InputError: a folder holds none of the files that its metadata names, or, without metadata, files of different
+            names.
     """
-    files = _storage_files(path) if path.is_dir() else [path]
-    if len({re.sub(r"\d+", "", file.name) for file in files}) > 1 and not (path / METADATA).is_file():
-        raise several_recordings(path, files)
+    files = _files_of_folder(path) if path.is_dir() else [path]
     packed = [file for file in files if file.suffix == ".zstd"]
     if not packed:
         return files
@@ -71,17 +72,53 @@ def plain_files(path: Path, stack: ExitStack) -> list[Path]:
     return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
 
 
+def _files_of_folder(folder: Path) -> list[Path]:
+    """The storage files that metadata names, and others of their kind of name; all where it names none that is there.
+
+    Metadata is stale where a recorder was killed or a file renamed.
+    """
+    files, listed = _storage_files(folder), _listed(folder)
+    if not files:
+        named = f" of the files that {METADATA} names ({', '.join(listed)})" if listed else " storage file"
+        raise InputError(f"{folder} is missing all{named}; copy them there")
+    here = [file for file in files if file.name in listed]
+    if here:
+        if gone := [name for name in listed if not (folder / name).is_file()]:
+            logger.warning("%s: %s names files that are missing: %s", folder, METADATA, ", ".join(gone))
+        stems = {_stem(file) for file in here}
+        files = [file for file in files if file.name in listed or _stem(file) in stems]
+    elif len({_stem(file) for file in files}) > 1:
+        raise several_recordings(folder, files)
+    return files
+
+
+def is_listed(path: Path, files: Sequence[Path]) -> bool:
+    """Whether metadata names all files as parts of one recording."""
+    listed = _listed(path) if path.is_dir() else []
+    return {file.name for file in files} <= {name.removesuffix(".zstd") for name in listed}
+
+
+def _listed(folder: Path) -> list[str]:
+    """Names of the storage files by `metadata.yaml`; none where it cannot be read."""
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        return [PurePath(str(name)).name for name in content["rosbag2_bagfile_information"]["relative_file_paths"]]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+        if (folder / METADATA).is_file():
+            logger.warning("%s cannot be read (%s); the storage files are taken as they are", folder / METADATA, error)
+        return []
+
+
+def _stem(file: Path) -> str:
+    """What names of one recording's files have in common."""
+    return re.sub(r"\d+", "", file.name.removesuffix(".zstd"))
+
+
 def several_recordings(path: Path, files: Sequence[Path]) -> InputError:
     """The error for a folder whose files are not parts of one recording."""
     return InputError(
         f"{path} holds several recordings: {', '.join(file.name for file in files[:12])}; name one of them"
     )
-
-
-def is_foreign(kind: str, files: Sequence[Path]) -> bool:
-    """Whether rosbags would refuse whole files for what wrote them."""
-    starts = [file for file in files if kind == "mcap" and file.stat().st_size > 64]
-    return bool(starts) and not all(map(salvage_mcap.is_ros2_profile, starts))
 
 
 def has_write_ahead_log(database: Path) -> bool:

@@ -1,24 +1,35 @@
-"""A folder of single clouds: PCD, PLY or BIN."""
+"""A folder of single clouds: PCD, PLY, BIN, LAS."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.stamps import nanoseconds
-from wiclosure.pipeline.sources.files import CLOUD_READERS
+from wiclosure.pipeline.sources.clouds.bin import KITTI, check_layout, read_bin
+from wiclosure.pipeline.sources.clouds.columns import CloudReader
+from wiclosure.pipeline.sources.clouds.file_stamps import FileStamps, natural, stamps_of_names
+from wiclosure.pipeline.sources.clouds.las import read_las
+from wiclosure.pipeline.sources.clouds.pcd import read_pcd
+from wiclosure.pipeline.sources.clouds.ply import read_ply
+from wiclosure.pipeline.sources.clouds.times_file import times_beside
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
-from wiclosure.types import IntArray, Scan
+from wiclosure.types import Scan
 
-_PERIOD_NS = 100_000_000  # 10 Hz, the usual rate of spinning LiDARs
-_SECONDS_AND_NANOSECONDS = re.compile(r"(\d+)[._](\d{9})")
-_UNITS_NS = ((10**17, 1), (10**14, 10**3), (10**11, 10**6), (10**8, 10**9))
-"""A whole number at least this large is a date in units of so many nanoseconds; a smaller one is a frame number."""
+logger = logging.getLogger(__name__)
+
+CLOUD_READERS: Mapping[str, CloudReader] = {
+    ".bin": read_bin,
+    ".pcd": read_pcd,
+    ".ply": read_ply,
+    ".las": read_las,
+    ".laz": read_las,
+}
 
 
 def is_cloud_folder(path: Path) -> bool:
@@ -27,36 +38,40 @@ def is_cloud_folder(path: Path) -> bool:
 
 
 class FolderSource:
-    """The `.pcd`, `.ply` or `.bin` files of a folder, in order of time.
+    """The cloud files of a folder, in order of time.
 
-    Stamps come from the file names: `1317042272.123456789` and `1317042272_123456789` are seconds; whole numbers of the
-    size of a date are s, ms, us or ns since 1970; smaller ones are frame numbers at 10 Hz.  Other names are taken in
-    alphabetical order at 10 Hz.
+    Stamps come from `times.txt` or `timestamps.txt` beside the clouds, a line for each in natural order, or from the
+    files' names (see `file_stamps`).
 
     Args:
         path: the folder.
+        layout: fields of the records in `.bin` files (see `clouds.bin.LAYOUTS`); None: KITTI's.
 
     Raises:
-        InputError: no cloud files, or several kinds of them.
+        InputError: no cloud files, several kinds of them, or `.bin` files whose records are clearly of another layout.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, layout: str | None = None) -> None:
         self.path = path
-        files = [file for file in sorted(path.iterdir()) if file.suffix.lower() in CLOUD_READERS]
+        files = [file for file in path.iterdir() if file.suffix.lower() in CLOUD_READERS]
+        files.sort(key=lambda file: natural(file.name))
         suffixes = sorted({file.suffix.lower() for file in files})
         if len(suffixes) != 1:
             found = f"holds {' and '.join(suffixes)} files" if suffixes else "holds no cloud files"
             raise InputError(f"{path} {found}; expected one kind of {', '.join(CLOUD_READERS)}")
-        self._suffix = suffixes[0]
-        stamps_ns, self._how = file_stamps([file.stem for file in files])
-        order = np.argsort(stamps_ns, kind="stable")
+        self._suffix, self._layout = suffixes[0], layout
+        if self._suffix == ".bin":
+            check_layout(_largest(files[:20]), layout or KITTI)
+        found_stamps = _stamps(path, files)
+        self.stamps_from, self.made_up = found_stamps.how, found_stamps.made_up
+        order = np.argsort(found_stamps.stamps_ns, kind="stable")
         self.scan_files = [files[index] for index in order]
-        self.stamps_ns = stamps_ns[order]
+        self.stamps_ns = found_stamps.stamps_ns[order]
 
     @property
     def description(self) -> str:
         """One line for the user."""
-        return f"folder {self.path}, {len(self.scan_files)} {self._suffix} scans, stamps: {self._how}"
+        return f"folder {self.path}, {len(self.scan_files)} {self._suffix} scans, stamps: {self.stamps_from}"
 
     def __len__(self) -> int:
         """Number of scan files."""
@@ -64,23 +79,34 @@ class FolderSource:
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans in order of time."""
-        read, clock = CLOUD_READERS[self._suffix], PointClock()
+        if self.made_up:
+            logger.warning(
+                "%s: nothing tells when the clouds were taken: their stamps are made up (%s); write times.txt beside"
+                " them, a time in seconds for each", self.path, self.stamps_from,
+            )  # fmt: skip
+        read, clock = CLOUD_READERS[self._suffix], PointClock(str(self.path), self._period_s)
+        if self._suffix == ".bin" and self._layout is not None:
+            read = partial(read_bin, layout=self._layout)
         for file, stamp_ns in zip(self.scan_files, self.stamps_ns.tolist(), strict=True):
             yield timed_scan(clock, stamp_ns, *read(file))
 
+    @property
+    def _period_s(self) -> float | None:
+        return float(np.median(np.diff(self.stamps_ns))) * 1e-9 if len(self.stamps_ns) > 1 else None
 
-def file_stamps(names: Sequence[str]) -> tuple[IntArray, str]:
-    """Stamps `(N,)` in nanoseconds by file names without suffix, and in words how they were found."""
-    split = [_SECONDS_AND_NANOSECONDS.fullmatch(name) for name in names]
-    if all(split):
-        return np.array([int(m[1]) * 10**9 + int(m[2]) for m in split if m], np.int64), "file names, seconds"
-    if all(name.isdigit() for name in names):
-        smallest = min(map(int, names))
-        unit_ns = next((unit for size, unit in _UNITS_NS if smallest >= size), None)
-        if unit_ns is None:
-            return np.array([int(name) * _PERIOD_NS for name in names], np.int64), "frame numbers at 10 Hz"
-        return np.array([int(name) * unit_ns for name in names], np.int64), "file names, since 1970"
-    try:
-        return np.array([nanoseconds(name) for name in names], np.int64), "file names, seconds"
-    except ValueError:
-        return np.arange(len(names), dtype=np.int64) * _PERIOD_NS, "alphabetical at 10 Hz"
+
+def _stamps(path: Path, files: list[Path]) -> FileStamps:
+    if (beside := times_beside(path, len(files))) is not None:
+        return FileStamps(beside[0], str(beside[1]))
+    return stamps_of_names([_stem(file) for file in files])
+
+
+def _stem(file: Path) -> str:
+    """The name without its suffixes; nuScenes' have two (`.pcd.bin`)."""
+    while file.suffix.lower() in CLOUD_READERS:
+        file = file.with_suffix("")
+    return file.name
+
+
+def _largest(files: list[Path]) -> Path:
+    return max(files, key=lambda file: file.stat().st_size)

@@ -8,13 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.stamps import nanoseconds
-from wiclosure.pipeline.sources.files import read_bin
+from wiclosure.pipeline.sources.clouds.bin import check_layout, read_bin
+from wiclosure.pipeline.sources.clouds.file_stamps import natural
+from wiclosure.pipeline.sources.clouds.times_file import read_lines
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
 from wiclosure.types import IntArray, Scan
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))
+
+ELEVATION_CORRECTION_DEG = 0.205
+"""By how much the beams of KITTI's LiDAR look higher than its calibration says; KISS-ICP's own readers of KITTI apply
+the same."""
 
 
 def is_kitti_folder(path: Path) -> bool:
@@ -38,12 +43,13 @@ class KittiSource:
         path: folder of the sequence or drive.
 
     Raises:
-        InputError: no scans, no times, or fewer times than scans.
+        InputError: no scans, no times, fewer times than scans, or records of another layout.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.scan_files, self.stamps_ns = kitti_scans(path)
+        self.scan_files, self.scan_numbers, self.stamps_ns = kitti_scans(path)
+        check_layout(self.scan_files[0])
 
     @property
     def description(self) -> str:
@@ -61,8 +67,11 @@ class KittiSource:
             yield timed_scan(PointClock(), stamp_ns, cloud.points, None, cloud.intensity)
 
 
-def kitti_scans(path: Path) -> tuple[list[Path], IntArray]:
-    """Scan files of a sequence or drive in order, and their stamps `(N,)` in nanoseconds.
+def kitti_scans(path: Path) -> tuple[list[Path], IntArray, IntArray]:
+    """Scan files of a sequence or drive in order, their numbers `(N,)`, and their stamps `(N,)` in nanoseconds.
+
+    A scan's number is that in its name, and its line in the file of times; blank lines there are scans that the drive
+    misses.
 
     Raises:
         InputError: see `KittiSource`.
@@ -75,56 +84,31 @@ def kitti_scans(path: Path) -> tuple[list[Path], IntArray]:
             f"{path} is not a KITTI folder; expected velodyne/ and times.txt, or velodyne_points/data"
         )  # fmt: skip
     folder, times_file = layout
-    files = sorted(folder.glob("*.bin"))
+    files = sorted(folder.glob("*.bin"), key=lambda file: natural(file.name))
     if not files:
         raise InputError(f"{folder} holds no .bin scans; copy them there or choose another folder")
-    stamps_ns = read_times(times_file)
-    return files, stamps_ns[rows_of_scans(files, len(stamps_ns), times_file, "times")]
+    lines = read_lines(times_file)
+    stamps = {number: stamp for number, stamp in enumerate(lines) if stamp is not None}
+    numbers = scan_numbers(files, list(stamps), len(lines), times_file, "times")
+    return files, numbers, np.array([stamps[number] for number in numbers.tolist()], np.int64)
 
 
-def rows_of_scans(files: Sequence[Path], count: int, path: Path, what: str) -> IntArray:
-    """The line `(N,)` of each scan in a file of `count` lines, one a scan.
+def scan_numbers(files: Sequence[Path], known: Sequence[int], lines: int, path: Path, what: str) -> IntArray:
+    """The line `(N,)` of each scan in a file of so many lines, of which those `known` hold something.
 
-    By order when there are as many as scans, else by the scan's number: some raw drives miss scans.
+    By the number in the scan's name where all such lines are known; else, where there are as many scans as known lines,
+    by their order: scans were renumbered, or named otherwise.
 
     Raises:
-        InputError: there are fewer lines than scans.
+        InputError: neither fits.
     """
-    if len(files) == count:
-        return np.arange(count)
-    numbers = [int(file.stem) for file in files if file.stem.isdigit()]
-    if len(numbers) == len(files) and max(numbers) < count:
+    numbers = [int(file.stem) for file in files if file.stem.isdecimal()]
+    if len(numbers) == len(files) and set(numbers) <= set(known):
         return np.array(numbers, np.int64)
+    if len(files) == len(known):
+        return np.array(known, np.int64)
+    blank = f" ({lines - len(known)} of its lines are blank)" if lines > len(known) else ""
     raise InputError(
-        f"{path} has {count} {what} for {len(files)} scans (the last is {files[-1].name});"
+        f"{path} has {len(known)} {what} for {len(files)} scans (the last is {files[-1].name}){blank};"
         " complete it, or remove the scans beyond its end"
     )
-
-
-def read_times(path: Path) -> IntArray:
-    """Stamps `(N,)` in nanoseconds, from seconds or from dates (`2011-09-26 13:02:25.594360375`), one a line.
-
-    Raises:
-        InputError: the file is missing or a line is neither.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise InputError(
-            f"cannot read {path}: {error.strerror}; a KITTI folder needs it (one time in seconds for each scan)."
-            " To take 10 scans a second instead, name the folder of the .bin files"
-        ) from error
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not text; expected one time in seconds for each scan") from None
-    return np.array(
-        [_stamp(path, number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()], np.int64
-    )
-
-
-def _stamp(path: Path, number: int, text: str) -> int:
-    try:
-        if "-" in text and ":" in text:
-            return int(np.datetime64(text.replace(" ", "T"), "ns").astype(np.int64))
-        return nanoseconds(text)
-    except ValueError:
-        raise InputError(f"{path}, line {number}: {text!r} is no time; expected seconds or a date with time") from None

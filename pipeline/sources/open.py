@@ -22,30 +22,30 @@ class Loader:
 
     Args:
         recognises: whether a path is such a recording; looks at names and first bytes only.
-        open: opens it; topic and salvage only mean something for bags.
+        open: opens it; topic and salvage only mean something for bags, layout for folders of `.bin` files.
         what: what it reads, for the user.
     """
 
     recognises: Callable[[Path], bool]
-    open: Callable[[Path, str | None, bool], ScanSource]
+    open: Callable[[Path, str | None, bool, str | None], ScanSource]
     what: str
 
 
 LOADERS: Mapping[str, Loader] = {
     "rosbag": Loader(
         lambda path: bag_kind(path) is not None,
-        lambda path, topic, salvage: RosbagSource(path, topic, salvage=salvage),
+        lambda path, topic, salvage, layout: RosbagSource(path, topic, salvage=salvage),
         "ROS 1 bag (.bag), ROS 2 bag (folder, .mcap, .db3)",
     ),
     "kitti": Loader(
         is_kitti_folder,
-        lambda path, topic, salvage: KittiSource(path),
+        lambda path, topic, salvage, layout: KittiSource(path),
         "KITTI odometry sequence (velodyne/, times.txt) or raw drive (velodyne_points/)",
     ),
     "folder": Loader(
         is_cloud_folder,
-        lambda path, topic, salvage: FolderSource(path),
-        "folder of .pcd, .ply or .bin files",
+        lambda path, topic, salvage, layout: FolderSource(path, layout),
+        "folder of .pcd, .ply, .bin, .las or .laz files",
     ),
 }
 
@@ -75,6 +75,7 @@ def open_source(
     limit: int | None = None,
     salvage: bool = False,
     time_offset: float = 0.0,
+    layout: str | None = None,
 ) -> ScanSource:
     """Opens a recording of one LiDAR; the kind of recording is guessed.
 
@@ -84,6 +85,7 @@ def open_source(
         limit: read at most so many scans.
         salvage: use what can be read of a damaged bag.
         time_offset: seconds to add to every stamp.
+        layout: fields of the records in a folder's `.bin` files; None: KITTI's.
 
     Raises:
         InputError: the recording cannot be used; names it and the way out.
@@ -92,7 +94,7 @@ def open_source(
     path = Path(path)
     if limit is not None and limit < 1:
         raise ConfigError(f"the number of scans is {limit}; it must be at least 1")
-    source = LOADERS[guess_loader(path)].open(path, topic, salvage)
+    source = LOADERS[guess_loader(path)].open(path, topic, salvage, layout)
     if limit is None and time_offset == 0.0:
         return source
     return _Excerpt(source, limit, round(time_offset * 1e9))

@@ -1,34 +1,31 @@
-"""Scans from a PointCloud2 topic of a ROS bag."""
+"""Scans from a topic of a ROS bag."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from itertools import chain, islice
 from pathlib import Path
-from typing import cast
+
+import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.bag_files import KINDS
-from wiclosure.pipeline.sources.bags import BagTopic, open_bag
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, typestore
-from wiclosure.suggestions import did_you_mean
+from wiclosure.pipeline.sources.bags import open_bag
+from wiclosure.pipeline.sources.poses.frames import OneFrame
+from wiclosure.pipeline.sources.scan_messages import ScanDecoder, ScanMessage, ScanMessages
+from wiclosure.pipeline.sources.scan_topics import choose_topic
+from wiclosure.pipeline.sources.stamps import Stamped, mended
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
 
-_PACKETS = (
-    "velodyne_msgs/",
-    "ouster_ros/",
-    "ouster_sensor_msgs/",
-    "livox_ros_driver",
-    "rslidar_msg",
-    "hesai_ros_driver",
-)
+_FIRST = 4  # scans whose stamps tell how often they come
 
 
 class RosbagSource:
-    """A PointCloud2 topic of a ROS 1 or ROS 2 bag.
+    """A topic of point clouds in a ROS 1 or ROS 2 bag.
 
     Args:
         path: bag file or folder.
@@ -58,18 +55,33 @@ class RosbagSource:
         return self._count
 
     def __iter__(self) -> Iterator[Scan]:
-        """The scans in the order of the recording."""
-        decoder = PointCloud2Decoder()
+        """The scans in the order of the recording, their stamps mended (see `stamps`), all in one sensor's axes."""
+        place = f"{self.path}, topic {self.topic}"
         with open_bag(self.path, salvage=self._salvage) as bag:
-            encoding = bag.topics[self.topic].found.encoding
-            for number, (received_ns, raw) in enumerate(bag.read(self.topic)):
+            messages = mended(self._messages(bag), place)
+            first = list(islice(messages, _FIRST))
+            decoder = ScanDecoder(bag.topics[self.topic], place, _period_s([stamp_ns for stamp_ns, _ in first]))
+            frame = OneFrame(bag, place)
+            for stamp_ns, message in chain(first, messages):
                 try:
-                    message = deserialize(typestore(encoding), encoding, raw, POINT_CLOUD_TYPE)
-                    scan = decoder.decode(cast("PointCloud2Message", message), received_ns)
+                    scan = decoder.decode(message, stamp_ns)
                 except Exception as error:  # rosbags raises anything for bytes that are no such message
-                    self._refuse(number, error)
-                else:
-                    yield scan
+                    self._refuse(message.number, error)
+                    continue
+                if (turned := frame.turned(scan, message.frame_id)) is not None:
+                    yield turned
+            frame.report()
+
+    def _messages(self, bag: Bag) -> Iterator[Stamped[ScanMessage]]:
+        """The messages that can be read, with their headers' stamps."""
+        parse = ScanMessages(bag.topics[self.topic])
+        for number, (received_ns, raw) in enumerate(bag.read(self.topic)):
+            try:
+                message = parse(raw, number)
+            except Exception as error:  # as above
+                self._refuse(number, error)
+            else:
+                yield Stamped(message.stamp_ns, received_ns, message)
 
     def _refuse(self, number: int, error: Exception) -> None:
         """Raises for a message that cannot be decoded, or leaves it out when salvaging."""
@@ -79,51 +91,5 @@ class RosbagSource:
         logger.warning("left out %s", place)
 
 
-def choose_topic(path: Path, topics: Mapping[str, BagTopic], requested: str | None) -> str:
-    """The topic to read: the requested one, or the only one of point clouds.
-
-    Raises:
-        InputError: there is no such topic, it has another type or no messages, or there are several to choose from.
-    """
-    clouds = {name: topic for name, topic in topics.items() if topic.msgtype == POINT_CLOUD_TYPE}
-    if requested is not None:
-        name = _requested(path, topics, clouds, requested)
-    elif not clouds:
-        raise InputError(f"{path} has no topic of point clouds ({POINT_CLOUD_TYPE}); {_what_else(topics)}")
-    else:
-        filled = [name for name, topic in clouds.items() if topic.count] or list(clouds)
-        if len(filled) > 1:
-            raise InputError(
-                f"{path} has several topics of point clouds: {_listed(clouds)}; choose one with --topic,"
-                " or for each robot in a dataset.yaml"
-            )
-        name = filled[0]
-    if topics[name].count == 0:
-        raise InputError(f"topic {name} of {path} has no messages; {_choices(clouds)}")
-    return name
-
-
-def _requested(path: Path, topics: Mapping[str, BagTopic], clouds: Mapping[str, BagTopic], requested: str) -> str:
-    name = requested if requested in topics else f"/{requested.strip('/')}"
-    if name not in topics:
-        raise InputError(f"{path} has no topic {requested}; {did_you_mean(name, topics)}{_choices(clouds)}")
-    if name not in clouds:
-        raise InputError(
-            f"topic {name} of {path} is of type {topics[name].msgtype}, not {POINT_CLOUD_TYPE}; {_choices(clouds)}"
-        )
-    return name
-
-
-def _choices(clouds: Mapping[str, BagTopic]) -> str:
-    return f"its point clouds: {_listed(clouds)}" if clouds else "it has no topic of point clouds"
-
-
-def _listed(topics: Mapping[str, BagTopic]) -> str:
-    return ", ".join(f"{name} ({topic.count} messages)" for name, topic in topics.items())
-
-
-def _what_else(topics: Mapping[str, BagTopic]) -> str:
-    if packets := [topic.msgtype for topic in topics.values() if topic.msgtype.startswith(_PACKETS)]:
-        return f"it holds raw packets ({packets[0]}): convert them with the sensor's driver first"
-    held = ", ".join(f"{topic.name} ({topic.msgtype})" for topic in topics.values())
-    return f"it holds {held}" if held else "it is empty"
+def _period_s(stamps_ns: list[int]) -> float | None:
+    return float(np.median(np.diff(stamps_ns))) * 1e-9 if len(stamps_ns) > 1 else None

@@ -17,13 +17,12 @@ from typing import Protocol, TypeAlias, TypeVar, cast
 from wiclosure.errors import InputError
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.messages.wireless_messages import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
     decode_heading,
     decode_measurement,
-    nanoseconds_of,
 )
 from wiclosure.types import Heading, WirelessLog, WirelessMeasurement
 
@@ -96,11 +95,9 @@ def _ranges(bag: Bag, topic: str, link: Link | None) -> Iterator[WirelessMeasure
     has_variance = "variance" in bag.topics[topic].found.definition.data
     for _, message in bag.messages(topic):
         reading = cast("RangeMessage", message)
-        named = _HEARD.fullmatch(reading.header.frame_id)
-        receiver, transmitter = link or (named.groups() if named else ("", ""))
-        if not receiver:
-            logger.info("%s: Range topic %s names no robots and is left alone", bag.path, topic)
-            return
+        if (named := link or named_link(reading.header.frame_id)) is None:
+            return  # a sonar's, or of robots that nobody has named: see `wiclosure.pipeline.radio.unused`
+        receiver, transmitter = named
         if not _valid(reading):
             skipped += 1
             continue
@@ -110,6 +107,12 @@ def _ranges(bag: Bag, topic: str, link: Link | None) -> Iterator[WirelessMeasure
         )
     if skipped:
         logger.warning("%s, topic %s: %d ranges outside the sensor's limits were left out", bag.path, topic, skipped)
+
+
+def named_link(frame_id: str) -> Link | None:
+    """Receiver and transmitter that a frame `alpha<-beta` names, or None."""
+    named = _HEARD.fullmatch(frame_id)
+    return None if named is None else (named[1], named[2])
 
 
 def _valid(reading: RangeMessage) -> bool:

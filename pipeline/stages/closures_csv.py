@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wiclosure import se3
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.types import Closure, FloatArray, Stage, Trajectory
 
@@ -20,13 +21,19 @@ _BACK_END = ("consistent_with", "residual_m", "residual_rad")
 COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *_MATCHING, *_REGISTRATION, *_BACK_END)
 
 
-def write_closures(path: Path, closures: Sequence[Closure], keyframes: Mapping[str, Trajectory]) -> None:
+def write_closures(
+    path: Path,
+    closures: Sequence[Closure],
+    keyframes: Mapping[str, Trajectory],
+    clouds: Mapping[str, Trajectory] | None = None,
+) -> None:
     """Writes one row per closure; empty fields are unknown.
 
     Args:
         path: the file.
         closures: in the order of the rows; the pose is measured, or of those that were not, what it was guessed from.
-        keyframes: keyframe trajectories by robot, for the stamps.
+        keyframes: by robot, with the stamps to write; poses are written between the bodies at these stamps.
+        clouds: the same keyframes at the instants that their clouds belong to; None where these are the stamps.
     """
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -37,7 +44,7 @@ def write_closures(path: Path, closures: Sequence[Closure], keyframes: Mapping[s
                 for key in (closure.query, closure.match)
                 for value in (key.robot, key.index, *seconds_text([int(keyframes[key.robot].stamps_ns[key.index])]))
             ]
-            pose = [f"{value:.6f}" for value in _pose(closure.best_T_query_match)]
+            pose = [f"{value:.6f}" for value in _pose(_at_stamps(closure, keyframes, clouds or keyframes))]
             found = ["" if value is None or np.isnan(value) else f"{value:.6g}" for value in _found(closure)]
             writer.writerow([*keys, decision(closure), closure.reason, *pose, *found])
 
@@ -49,6 +56,14 @@ def decision(closure: Closure) -> str:
     if closure.survived(Stage.CONSISTENCY):
         return "accepted"
     return "verified" if closure.survived(Stage.REGISTRATION) else "proposed"
+
+
+def _at_stamps(closure: Closure, keyframes: Mapping[str, Trajectory], clouds: Mapping[str, Trajectory]) -> FloatArray:
+    """`T_query_match (4, 4)` between the bodies at the keyframes' stamps."""
+    query, match = closure.query, closure.match
+    T_query_cloud = se3.between(keyframes[query.robot].poses[query.index], clouds[query.robot].poses[query.index])
+    T_cloud_match = se3.between(clouds[match.robot].poses[match.index], keyframes[match.robot].poses[match.index])
+    return np.asarray(T_query_cloud @ closure.best_T_query_match @ T_cloud_match)
 
 
 def _pose(T: FloatArray) -> list[float]:

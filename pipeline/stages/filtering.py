@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from wiclosure.errors import ConfigError, InputError, OutputError
+from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.filter_summary import filter_summary
-from wiclosure.formats.tum import read_tum
-from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.data.named_trajectories import named_trajectories
+from wiclosure.pipeline.radio.read import read_radio
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
-from wiclosure.pipeline.sources.bag_files import bag_kind
-from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -53,7 +52,7 @@ class Outputs:
 
 def filter_candidates(
     trajectories: Sequence[str],
-    logs: Sequence[Path],
+    logs: Sequence[RadioSource],
     *,
     config: Config,
     outputs: Outputs,
@@ -63,7 +62,7 @@ def filter_candidates(
 
     Args:
         trajectories: `name=file` words; pair indices refer to the rows of the files.
-        logs: wireless logs.
+        logs: radio logs, by path.
         config: settings; `use_filter` names the filter.
         outputs: files to write.
         report: writes a page into the folder of the pictures.
@@ -74,7 +73,7 @@ def filter_candidates(
         OutputError: a file exists or cannot be written.
     """
     outputs.require_free()
-    robots = _read_trajectories(trajectories, config)
+    robots = named_trajectories(trajectories, config.drift)
     wireless = _read_logs(logs, robots)
     result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
     if outputs.candidates is not None:
@@ -99,27 +98,13 @@ def filter_candidates(
     return result
 
 
-def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajectory]:
-    robots: dict[str, Trajectory] = {}
-    for word in words:
-        robot, equals, path = word.partition("=")
-        if not (robot and equals and path):
-            raise ConfigError(f"--trajectory {word}: expected NAME=FILE, for example alpha=alpha.tum")
-        if robot in robots:
-            raise ConfigError(f"--trajectory names {robot} twice; give each robot a name of its own")
-        robots[robot] = read_tum(path, robot, config.drift)
-    if len(robots) < 2:
-        raise ConfigError("one trajectory only: there is nothing to compare; give --trajectory for each robot")
-    return robots
-
-
-def _read_logs(paths: Sequence[Path], robots: dict[str, Trajectory]) -> WirelessLog:
+def _read_logs(sources: Sequence[RadioSource], robots: dict[str, Trajectory]) -> WirelessLog:
     log = WirelessLog()
-    for path in paths:
-        read = read_wireless_topics(path) if path.exists() and bag_kind(path) else read_wireless_log(path)
+    for source in sources:
+        read = read_radio(source, robots).log
         if unknown := sorted(read.robots() - set(robots)):
             raise InputError(
-                f"{path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"
+                f"{source.path} mentions the robot {unknown[0]!r}, but trajectories are given for {', '.join(robots)};"
                 f" add --trajectory {unknown[0]}=FILE, or name the robots alike"
             )
         log += read

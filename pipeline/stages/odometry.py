@@ -11,6 +11,10 @@ from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from typing import TypeAlias
 
+from pydantic import ValidationError
+
+from wiclosure.errors import ConfigError
+from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.front_end import OdometryRun, describe_all
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, OdometryResult
 from wiclosure.pipeline.config import Config
@@ -18,6 +22,7 @@ from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
 from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages.reading_ahead import read_ahead
 from wiclosure.types import Scan
 
@@ -62,10 +67,15 @@ def front_ends(
     return {result.robot: result for result, _ in done}, reused
 
 
-def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
-    """Sentences on the scans that the front end could not use."""
-    counts = result.counts
+def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[str, ...]:
+    """Sentences on what the front end did to the scans, and which it could not use."""
+    counts, chosen = result.counts, odometry_settings(robot, config)
     sentences = []
+    if robot.elevation_correction_deg and (angle := chosen.elevation_correction_deg):
+        sentences.append(
+            f"all beams are turned up by {angle:g} degrees, as KISS-ICP does with KITTI's; --set"
+            " odometry.elevation_correction_deg=0 leaves them"
+        )
     if counts.sparse:
         sentences.append(f"{counts.sparse} of {counts.scans} scans have too few points in range and were skipped")
     if counts.late:
@@ -76,7 +86,22 @@ def left_out(robot: RobotInput, result: FrontEndResult) -> tuple[str, ...]:
         sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
     if counts.scans < len(robot.scans):
         sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
-    return tuple(f"{robot.robot}: {sentence}" for sentence in sentences)
+    return (*robot.remarks, *(f"{robot.robot}: {sentence}" for sentence in sentences))
+
+
+def odometry_settings(robot: RobotInput, config: Config) -> OdometrySettings:
+    """The configuration's, with what the data set says of this robot, and what its recording needs where both are mute.
+
+    Raises:
+        ConfigError: the two do not go together.
+    """
+    merged = config.odometry.model_dump() | dict(robot.odometry_settings)
+    if merged["elevation_correction_deg"] is None:
+        merged["elevation_correction_deg"] = robot.elevation_correction_deg
+    try:
+        return OdometrySettings.model_validate(merged)
+    except ValidationError as error:
+        raise ConfigError(explain(error, f"the settings of robot {robot.robot}", OdometrySettings)) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +151,8 @@ class _Work:
             for c in self.configs[1:]
             if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
         ]
-        run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
+        settings = odometry_settings(robot, config)
+        run = OdometryRun(settings, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
             run.process_all(_reported(scans, robot.robot, shown))
         result, *further = run.results()
@@ -166,7 +192,7 @@ class _Worker:
 
 def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
     """What the result of odometry depends on."""
-    settings = config.odometry.model_dump(exclude={"num_threads"})
+    settings = odometry_settings(robot, config).model_dump(exclude={"num_threads"})
     return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
 
 

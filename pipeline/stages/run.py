@@ -19,7 +19,7 @@ from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.odometry import front_ends, left_out
+from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
 from wiclosure.pipeline.stages.solve import Solution, solve
@@ -38,7 +38,7 @@ class RunResult:
         inputs: what it read.
         fronts: odometry, keyframes, descriptors by robot.
         solution: candidates, closures, graph.
-        merged: pose of every scan by robot, in the world of its component.
+        merged: pose of every scan at its own stamp by robot, in the world of its component.
         merged_map: the keyframes' clouds of the first robot's component in one frame.
         metrics: all figures.
     """
@@ -122,7 +122,7 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
-        robot: propagate_to_scans(front.odometry, front.keyframes, solution.graph.trajectories[robot])
+        robot: propagate_to_scans(front.scans, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()
     }
     took = Stopwatch()
@@ -133,7 +133,7 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
         closures=solution.closures,
         components=solution.graph.components,
         keyframes={robot: front.keyframes for robot, front in fronts.items()},
-        odometry={robot: front.odometry for robot, front in fronts.items()},
+        odometry={robot: front.scans for robot, front in fronts.items()},
         merged=merged,
     )
     metrics = evaluate(
@@ -185,7 +185,7 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
 
 def _about_inputs(prepared: Prepared) -> list[str]:
     inputs, fronts = prepared.inputs, prepared.fronts
-    sentences = [s for robot in inputs.robots for s in left_out(robot, fronts[robot.robot])]
+    sentences = [s for robot in inputs.robots for s in remarks(robot, fronts[robot.robot], prepared.config)]
     if prepared.from_cache:
         sentences.append(
             f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import yaml
 
-from wiclosure.backends.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.g2o_writer import write_g2o
 from wiclosure.backends.map_writers import write_pcd, write_ply
 from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
@@ -15,6 +16,8 @@ from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.config import dump_config
+from wiclosure.pipeline.data.inputs import Inputs
+from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.runtime.output import write_json
@@ -24,22 +27,42 @@ from wiclosure.types import Trajectory
 
 
 def write_run(folder: Path, result: RunResult) -> None:
-    """Writes everything but the pictures into an existing folder."""
+    """Writes everything but the pictures into an existing folder.
+
+    All stamps are the scans' own, as the recording states them: trajectories, ground truth beside them, candidates and
+    closures join by them.
+    """
     (folder / "config.yaml").write_text(dump_config(result.config), encoding="utf-8")
     write_json(folder / "metrics.json", result.metrics)
     for robot, front in result.fronts.items():
         write_tum(folder / f"{robot}.tum", result.merged[robot])
         write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot].poses)
-        write_tum(folder / f"{robot}_odometry.tum", front.odometry)
+        write_tum(folder / f"{robot}_odometry.tum", _in_its_frame(front.scans, result.inputs))
     for robot, truth in result.inputs.ground_truth.items():
-        write_tum(folder / f"{robot}_ground_truth.tum", truth)
-    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
-    write_candidates(folder / "candidates.csv", result.solution.filtered.pairs, keyframes)
-    write_closures(folder / "closures.csv", result.solution.closures, keyframes)
+        _write_truth(folder / f"{robot}_ground_truth.tum", truth, result.merged[robot], result.config.evaluation)
+    clouds = {robot: front.keyframes for robot, front in result.fronts.items()}
+    stamped = {robot: front.scans.keyframes(front.keyframe_indices) for robot, front in result.fronts.items()}
+    write_candidates(folder / "candidates.csv", result.solution.filtered.pairs, stamped)
+    write_closures(folder / "closures.csv", result.solution.closures, stamped, clouds)
     write_g2o(result.solution.graph, folder / "graph.g2o")
     write_ply(result.merged_map, folder / "map.ply")
     write_pcd(result.merged_map, folder / "map.pcd")
     write_occupancy(occupancy(result.merged_map, result.config.map), folder)
+
+
+def _in_its_frame(odometry: Trajectory, inputs: Inputs) -> Trajectory:
+    """Odometry in the frame that the robot brought along."""
+    origin_m = next(robot.odometry_origin_m for robot in inputs.robots if robot.robot == odometry.robot)
+    T_odom_local = np.eye(4)
+    T_odom_local[:3, 3] = origin_m
+    return odometry.moved(T_odom_local) if any(origin_m) else odometry
+
+
+def _write_truth(path: Path, truth: Trajectory, merged: Trajectory, settings: EvaluationSettings) -> None:
+    """Ground truth at the stamps of the merged trajectory, as far as it reaches."""
+    poses, covered = truth_at(truth, merged.stamps_ns, settings.ground_truth_gap_s)
+    if covered.any():
+        write_tum(path, Trajectory(truth.robot, merged.stamps_ns[covered], poses[covered]))
 
 
 def read_metrics(folder: Path) -> Metrics:

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from wiclosure import se3
-from wiclosure.arrays import FloatArray
+from wiclosure.arrays import FloatArray, IntArray
 from wiclosure.settings import Settings
 
 
@@ -95,28 +95,61 @@ class AccumulatedDrift:
 
 @dataclass(frozen=True, eq=False)
 class AccumulatedSteps:
-    """Prefix sums of stated covariances, for odometry that brings its own (a g2o file, another program).
+    """Sums of stated covariances, for odometry that brings its own (a g2o file, another program).
 
     Args:
-        sums: `(N, 6, 6)`, covariances of the steps up to each pose, in the odometry frame.
+        sums: `(N, 6, 6)`, covariances of the steps from the first pose to each, in the odometry frame.
+        ancestors: where odometry branches, `(K, N)`: the pose 2^k steps before each. None: a chain.
+        depth: `(N,)`, the number of steps from the first pose to each; None for a chain.
     """
 
     sums: FloatArray
+    ancestors: IntArray | None = None
+    depth: IntArray | None = None
 
     @classmethod
-    def along(cls, T_odom_body: FloatArray, steps: FloatArray) -> AccumulatedSteps:
-        """Accumulates the covariances `(N - 1, 6, 6)` of the steps between the poses `(N, 4, 4)`."""
+    def along(cls, T_odom_body: FloatArray, steps: FloatArray, parents: IntArray | None = None) -> AccumulatedSteps:
+        """Accumulates the covariances `(N - 1, 6, 6)` of the steps to all poses `(N, 4, 4)` but the first.
+
+        Args:
+            T_odom_body: poses.
+            steps: covariances.
+            parents: `(N,)` the pose that each step starts from; None: the one before.
+        """
         sums = np.zeros((len(T_odom_body), 6, 6))
-        np.cumsum(se3.rotate_covariance(se3.adjoint(T_odom_body[1:]), steps), axis=0, out=sums[1:])
-        return cls(sums)
+        sums[1:] = se3.rotate_covariance(se3.adjoint(T_odom_body[1:]), steps)
+        if parents is None:
+            np.cumsum(sums, axis=0, out=sums)
+            return cls(sums)
+        depth = (np.arange(len(sums)) > 0).astype(np.int64)
+        ancestors = [parents]
+        for _ in range(len(sums).bit_length()):  # pointer jumping: each round reaches twice as far back
+            sums, depth = sums + sums[ancestors[-1]], depth + depth[ancestors[-1]]
+            ancestors.append(ancestors[-1][ancestors[-1]])
+        return cls(sums, np.stack(ancestors), depth)
 
     def between(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
         """Covariances `(M, 6, 6)` of `T_i_j`, as errors in the odometry frame, for index arrays in any order."""
-        return np.asarray(np.where(i <= j, 1.0, -1.0)[:, None, None] * (self.sums[j] - self.sums[i]))
+        return np.asarray(self.sums[i] + self.sums[j] - 2 * self.sums[self._fork(i, j)])
 
     def rotation_variance(self, i: np.ndarray, j: np.ndarray) -> FloatArray:
-        """Variances `(M,)` of the rotation of `T_i_j`, summed over the axes."""
-        return np.asarray(np.abs(np.trace(self.sums[j, :3, :3] - self.sums[i, :3, :3], axis1=1, axis2=2)))
+        """Traces `(M,)` of the rotation block of the same covariances."""
+        trace = np.trace(self.sums[:, :3, :3], axis1=1, axis2=2)
+        return np.asarray(trace[i] + trace[j] - 2 * trace[self._fork(i, j)])
+
+    def _fork(self, i: np.ndarray, j: np.ndarray) -> IntArray:
+        """The last pose `(M,)` that the ways from the first pose to i and to j share."""
+        if self.ancestors is None or self.depth is None:
+            return np.asarray(np.minimum(i, j), np.int64)
+        swap = self.depth[i] < self.depth[j]
+        i, j = np.where(swap, j, i), np.where(swap, i, j)
+        ahead = self.depth[i] - self.depth[j]
+        for bit, before in enumerate(self.ancestors):
+            i = np.where(ahead >> bit & 1, before[i], i)
+        for before in self.ancestors[::-1]:
+            apart = before[i] != before[j]
+            i, j = np.where(apart, before[i], i), np.where(apart, before[j], j)
+        return np.asarray(np.where(i == j, i, self.ancestors[0][i]), np.int64)
 
 
 _UPPER = np.triu_indices(3)

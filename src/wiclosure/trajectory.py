@@ -28,8 +28,10 @@ class Trajectory:
         drift: how the error between two poses grows along the path.
         finer: the trajectory that these poses were chosen from, as keyframes are: `at` and `covers` look there, so that
             a robot which stands still between keyframes, or after the last, has a pose at every stamp.
-        step_covariances: `(N - 1, 6, 6)` of `relative_pose(n, n + 1)` where the source states them; the drift model is
-            then not used.
+        step_covariances: `(N - 1, 6, 6)` of `relative_pose(parents[n], n)` for n = 1 to N - 1, where the source states
+            them; the drift model is then not used.
+        parents: `(N,)` the pose that the step to each pose starts from, an earlier one; 0 for the first pose. None: the
+            pose before. Odometry that branches is stated, so that `step_covariances` come with it.
 
     Raises:
         InputError: stamps that are no integer nanoseconds or do not increase; poses that are no rotation and
@@ -42,6 +44,7 @@ class Trajectory:
     drift: DriftModel = field(default_factory=DriftModel)
     finer: Trajectory | None = None
     step_covariances: FloatArray | None = None
+    parents: IntArray | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, str):
@@ -60,6 +63,8 @@ class Trajectory:
                     f"{name}: {len(self.poses)} poses but step covariances of shape {self.step_covariances.shape};"
                     " expected (N - 1, 6, 6)"
                 )
+        if self.parents is not None:
+            _require_tree(self.parents, len(self.poses), name, stated=self.step_covariances is not None)
         _require_poses(self.poses, name)
         _require_order(self.stamps_ns, name)
         _require_nanoseconds(self.stamps_ns, name)
@@ -90,7 +95,7 @@ class Trajectory:
     @cached_property
     def _accumulated_drift(self) -> AccumulatedDrift | AccumulatedSteps:
         if self.step_covariances is not None:
-            return AccumulatedSteps.along(self.poses, self.step_covariances)
+            return AccumulatedSteps.along(self.poses, self.step_covariances, self.parents)
         return AccumulatedDrift.along(self.poses, self.drift)
 
     def covers(self, stamps_ns: IntArray, tolerance_ns: int = 0) -> BoolArray:
@@ -103,6 +108,22 @@ class Trajectory:
         """Interpolated poses `(M, 4, 4)`; stamps outside take the nearest end (ask `covers` first)."""
         return se3.interpolate(self._known.stamps_ns, self._known.poses, stamps_ns)
 
+    def at_or_beyond(self, stamps_ns: IntArray) -> FloatArray:
+        """The same, but before the first pose and after the last the motion goes on evenly, for two steps at most."""
+        poses, known = self.at(stamps_ns), self._known
+        if len(known) < 2:
+            return poses
+        for end, inner, outside in (
+            (0, 1, stamps_ns < known.stamps_ns[0]),
+            (-1, -2, stamps_ns > known.stamps_ns[-1]),
+        ):
+            if outside.any():
+                step_ns = int(known.stamps_ns[inner] - known.stamps_ns[end])
+                share = np.clip((stamps_ns[outside] - known.stamps_ns[end]) / step_ns, -2.0, 0.0)
+                step = se3.log(se3.between(known.poses[end], known.poses[inner]))
+                poses[outside] = known.poses[end] @ se3.exp(share[:, None] * step)
+        return poses
+
     def nearest(self, stamps_ns: IntArray) -> IntArray:
         """Indices `(M,)` of the poses nearest in time."""
         upper = np.clip(np.searchsorted(self.stamps_ns, stamps_ns), 1, max(len(self) - 1, 1))
@@ -112,10 +133,13 @@ class Trajectory:
 
     def subset(self, indices: IntArray) -> Trajectory:
         """The trajectory through the poses at `indices` (increasing) alone."""
-        stated = None
+        stated = parents = None
         if self.step_covariances is not None:
-            stated = self.relative_covariance(indices[:-1], indices[1:])
-        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift, step_covariances=stated)
+            first, second = self.steps(indices)
+            stated = self.relative_covariance(first, second)
+            if self.parents is not None:
+                parents = np.concatenate([[0], np.searchsorted(indices, first)])
+        return Trajectory(self.robot, self.stamps_ns[indices], self.poses[indices], self.drift, None, stated, parents)
 
     def keyframes(self, indices: IntArray) -> Trajectory:
         """The poses at `indices` (increasing) as keyframes, which remember the poses between."""
@@ -125,7 +149,30 @@ class Trajectory:
         """The same trajectory in another frame: poses `T_new_odom @ T_odom_body`."""
         finer = None if self.finer is None else self.finer.moved(T_new_odom)
         poses = T_new_odom @ self.poses
-        return Trajectory(self.robot, self.stamps_ns, poses, self.drift, finer, self.step_covariances)
+        return Trajectory(self.robot, self.stamps_ns, poses, self.drift, finer, self.step_covariances, self.parents)
+
+    @property
+    def junctions(self) -> IntArray:
+        """Indices of the poses that several steps start from; with them a subset has the same odometry."""
+        if self.parents is None:
+            return np.zeros(0, np.int64)
+        return np.flatnonzero(np.bincount(self.parents[1:], minlength=len(self)) > 1)
+
+    def steps(self, indices: IntArray) -> tuple[IntArray, IntArray]:
+        """First and second poses `(M - 1,)` of the odometry steps that join the poses at `indices (M,)` (increasing).
+
+        Each pose is joined to the nearest one before it along the odometry: in a chain, to the one before.
+        """
+        if self.parents is None:
+            return indices[:-1], indices[1:]
+        kept = np.zeros(len(self), bool)
+        kept[indices] = True
+        kept[0] = True
+        nearest = self.parents
+        for _ in range(len(self).bit_length()):  # by pointer jumping: twice as far each time
+            nearest = np.where(kept[nearest], nearest, nearest[nearest])
+        first = nearest[indices[1:]]
+        return np.maximum(first, indices[0]), indices[1:]
 
     def relative_pose(self, i: IntArray, j: IntArray) -> FloatArray:
         """`T_i_j` `(M, 4, 4)` for index arrays `(M,)`."""
@@ -197,4 +244,13 @@ def _require_nanoseconds(stamps_ns: IntArray, name: str) -> None:
         raise InputError(
             f"{name}: by its stamps ({stamps_ns[0]}, {stamps_ns[1]} ...) it has a pose every {step_ns:g} ns;"
             " stamps are nanoseconds, so multiply seconds by 10**9"
+        )
+
+
+def _require_tree(parents: IntArray, size: int, name: str, *, stated: bool) -> None:
+    latest = np.maximum(np.arange(size) - 1, 0)
+    if parents.shape != (size,) or (parents > latest).any() or (parents < 0).any() or not stated:
+        raise InputError(
+            f"{name}: parents must be {size} earlier poses, with a covariance for each step; sort the poses along the"
+            " odometry"
         )

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
-from wiclosure.backends.g2o_reader import read_g2o
+from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.drift import DriftModel
 from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory
 
@@ -94,4 +94,4 @@ def team_maker():
 @pytest.fixture(scope="session")
 def g2o_loader():
     """Reads the recorded graph in a folder."""
-    return lambda folder: read_g2o(sorted(folder.glob("*.g2o")))
+    return lambda folder: read_graphs(sorted(folder.glob("*.g2o")))

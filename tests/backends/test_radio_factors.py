@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.factors import Keys
-from wiclosure.backends.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.g2o_writer import write_g2o
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.backends.radio_factors import radio_factors
 from wiclosure.types import KeyframeId, RadioLinks, Stage

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
-from wiclosure.errors import OutputError
-from wiclosure.formats.kitti_poses import write_kitti_poses
+from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.kitti_poses import read_kitti_poses, write_kitti_poses
 
 
 def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
@@ -19,3 +20,47 @@ def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="nowhere"):
         write_kitti_poses(tmp_path / "nowhere" / "poses.txt", np.eye(4)[None])
+
+
+@pytest.mark.parametrize("rows", [3, 4])
+@pytest.mark.parametrize("numbered", [False, True])
+def test_poses_are_read_with_their_frames(tmp_path: Path, rows: int, numbered: bool) -> None:
+    poses = se3.exp(np.random.default_rng(0).normal(size=(5, 6)))
+    frames = np.array([1, 2, 5, 6, 9])
+    lines = [
+        (f"{frame} " if numbered else "") + " ".join(map(repr, pose[:rows].reshape(-1).tolist()))
+        for frame, pose in zip(frames.tolist(), poses, strict=True)
+    ]
+    (tmp_path / "poses.txt").write_text("\n".join(lines) + "\n\n")
+    read = read_kitti_poses(tmp_path / "poses.txt")
+    np.testing.assert_allclose(read.poses, poses, atol=1e-12)
+    if numbered:
+        assert read.frames is not None
+        np.testing.assert_array_equal(read.frames, frames)
+    else:
+        assert read.frames is None
+
+
+def test_rotations_printed_with_three_digits_are_made_exact(tmp_path: Path) -> None:
+    yaw = np.arange(3) * 0.1
+    rows = se3.from_yaw(yaw, np.stack([yaw, 0 * yaw, 0 * yaw], axis=1))[:, :3].reshape(-1, 12)
+    (tmp_path / "poses.txt").write_text("".join(" ".join(f"{x:.3f}" for x in row) + "\n" for row in rows))
+    R = read_kitti_poses(tmp_path / "poses.txt").poses[:, :3, :3]
+    np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
+    assert Rotation.from_matrix(R[2]).as_euler("zyx")[0] == pytest.approx(0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("1 0 0 5 0 1 0 5 0 0 1", "line 2: expected 12 numbers"),
+        ("1 0 0 5 0 1 0 5 0 0 1 far", "line 2: expected 12 numbers"),
+        ("1 0 0 5 0 1 0 5 0 0 1 inf", "line 2: not finite"),
+        ("2 0 0 5 0 2 0 5 0 0 2 5", "line 2: not a pose"),
+        ("1 0 0 5 0 1 0 5 0 0 -1 5", "line 2: not a pose"),
+    ],
+)
+def test_what_is_no_pose_is_named_with_its_line(tmp_path: Path, line: str, says: str) -> None:
+    (tmp_path / "poses.txt").write_text(f"1 0 0 5 0 1 0 5 0 0 1 5\n{line}\n")
+    with pytest.raises(InputError, match=rf"poses\.txt, {says}"):
+        read_kitti_poses(tmp_path / "poses.txt")

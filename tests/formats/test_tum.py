@@ -83,7 +83,6 @@ GOOD = "1.0 0 0 0 0 0 0 1\n"
         (GOOD + "2.0 0 0 inf 0 0 0 1\n", 2, "z is inf"),
         (GOOD + "2.0 0 0 0 0 0 0 0\n", 2, "quaternion is zero"),
         (GOOD + "2.0 0 0 0 0 0 0 1\n1.5 0 0 0 0 0 0 1\n", 3, "before that of line 2"),
-        (GOOD + "2.0 0 0 0 0 0 0 1\n2.000 0 0 0 0 0 0 1\n", 3, "repeats line 2"),
     ],
 )
 def test_a_bad_line_is_named(tmp_path: Path, text: str, line: int, says: str) -> None:
@@ -93,6 +92,38 @@ def test_a_bad_line_is_named(tmp_path: Path, text: str, line: int, says: str) ->
     assert f"bad.tum, line {line}:" in str(caught.value)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_of_repeated_stamps_the_first_counts_and_it_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "a.tum").write_text(GOOD + "2.0 5 0 0 0 0 0 1\n2.000 6 0 0 0 0 0 1\n2.5 7 0 0 0 0 0 1\n")
+    assert read_tum(tmp_path / "a.tum", "a").positions[:, 0].tolist() == [0, 5, 7]
+    assert "1 lines repeat a stamp" in caplog.text
+
+
+@pytest.mark.parametrize("stamp", ["1.31704e+09", "1317040000", "1.317042e+09"])
+def test_stamps_that_lost_their_digits_are_named(tmp_path: Path, stamp: str) -> None:
+    (tmp_path / "a.tum").write_text("".join(f"{stamp} {x} 0 0 0 0 0 1\n" for x in range(9)))
+    with pytest.raises(InputError, match=r"a\.tum: the stamp .* stands on 9 lines: .* digits only; .*nine decimals"):
+        read_tum(tmp_path / "a.tum", "a")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1.5,1,2,3,0,0,0,1\n2.5,1,2,4,0,0,0,1\n",
+        "1.5, 1, 2, 3, 0, 0, 0, 1\n2.5, 1, 2, 4, 0, 0, 0, 1\n",
+        "1,5;1,0;2;3;0;0;0;1\n2,5;1;2;4,0;0;0;0;1\n",
+        "1,5 1,0 2 3 0 0 0 1\n2,5 1,0 2 4 0 0 0 1\n",
+        "timestamp,tx,ty,tz,qx,qy,qz,qw\n1.5,1,2,3,0,0,0,1\n2.5,1,2,4,0,0,0,1\n",
+        "#timestamp x y z\nstamp x y z qx qy qz qw\n1.5\t1 2 3 0 0 0 1\r\n2.5 1 2 4 0 0 0 1",
+        "\ufeff1.5 1 2 3 0 0 0 1\n2.5 1 2 4 0 0 0 1\n",
+    ],
+)
+def test_separators_decimal_commas_and_names_of_columns(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.tum").write_text(text, encoding="utf-8")
+    read = read_tum(tmp_path / "a.tum", "a")
+    assert read.stamps_ns.tolist() == [1_500_000_000, 2_500_000_000]
+    np.testing.assert_allclose(read.positions, [[1, 2, 3], [1, 2, 4]])
 
 
 @pytest.mark.parametrize("content", [b"", b"# only a comment\n", b"\xff\xfe\x00\x80"])

@@ -24,3 +24,8 @@ class HeaderMessage(Protocol):
     def stamp(self) -> TimeMessage: ...  # noqa: D102
     @property
     def frame_id(self) -> str: ...  # noqa: D102
+
+
+def nanoseconds_of(stamp: TimeMessage) -> int:
+    """A ROS time in nanoseconds; 0 where the driver left it out."""
+    return stamp.sec * 10**9 + stamp.nanosec

@@ -1,12 +1,13 @@
 """The one decoder of `sensor_msgs/PointCloud2`: any field layout in, `Scan` out.
 
-The message's bytes are viewed in place as records.  Points that are no returns (NaN, infinite, at the origin) are found
-on that view, the remaining records are taken whole, and only then are the fields copied out: a point and its time and
-intensity stay together by construction.  This goes block by block, so that a block's bytes are read from memory once.
+The message's bytes are viewed in place as records, and their fields copied out block by block, so that a block's bytes
+are read from memory once.  Points that are no returns (NaN, infinite, at the origin) are then closed up, with their
+times and intensities, while the block is in the processor's cache.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
@@ -14,19 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage
+from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.messages.point_times import PointClock, strays
 from wiclosure.types import Float32Array, FloatArray, Scan
 
+logger = logging.getLogger(__name__)
+
 POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time")
-INTENSITY_FIELDS = ("intensity", "i", "reflectivity")
 
 # sensor_msgs/PointField's numbers; 9 to 11 are new in ROS 2 Lyrical, and in use before that.
 FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
 }  # fmt: skip
 
+_FARTHEST_M = 1e8
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
@@ -57,24 +60,36 @@ class PointCloud2Message(Protocol):
     data: NDArray[np.uint8]
 
 
-class PointCloud2Decoder:
-    """Decodes the messages of one topic in order; remembers what its per-point times mean (see `point_times`)."""
+Fields: TypeAlias = tuple[tuple[str, int, int, int], ...]
+"""Name, offset, datatype and count of each field."""
 
-    def __init__(self) -> None:
-        self._clock = PointClock()
+
+class PointCloud2Decoder:
+    """Decodes the messages of one topic in order; remembers what its per-point times mean (see `point_times`).
+
+    Args:
+        place: what is read, for the log.
+        period_s: seconds from scan to scan, where they are known.
+    """
+
+    def __init__(self, place: str = "", period_s: float | None = None) -> None:
+        self._place = place or "point clouds"
+        self._clock = PointClock(place, period_s)
         self._layouts: dict[tuple[Any, ...], np.dtype[np.void]] = {}
 
-    def decode(self, cloud: PointCloud2Message, received_ns: int = 0) -> Scan:
-        """The returns of one message.
+    def decode(self, cloud: PointCloud2Message, stamp_ns: int | None = None) -> Scan:
+        """The returns of one message; a default message, without points or fields, has none.
 
         Args:
             cloud: the message.
-            received_ns: stamp to use where the header has none (zero).
+            stamp_ns: the scan's stamp; None: the header's.
 
         Raises:
             InputError: the fields x, y, z are missing or do not fit, or the data is shorter than announced.
         """
-        stamp_ns = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec or received_ns
+        stamp_ns = nanoseconds_of(cloud.header.stamp) if stamp_ns is None else stamp_ns
+        if cloud.height * cloud.width == 0 or (not cloud.fields and len(cloud.data) == 0):
+            return Scan(stamp_ns, np.zeros((0, 3)))
         columns = _returns(_records(cloud, self._layout(cloud)))
         return timed_scan(self._clock, stamp_ns, *columns)
 
@@ -82,16 +97,41 @@ class PointCloud2Decoder:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
         key = (fields, bool(cloud.is_bigendian), cloud.point_step)
         if key not in self._layouts:
-            self._layouts[key] = _record_type(fields, ">" if cloud.is_bigendian else "<", cloud.point_step)
+            order = ">" if cloud.is_bigendian else "<"
+            time = self._time_field(fields, cloud, order)
+            self._layouts[key] = _record_type(fields, time, order, cloud.point_step)
         return self._layouts[key]
+
+    def _time_field(self, fields: Fields, cloud: PointCloud2Message, order: str) -> str | None:
+        """The field of per-point times: of several, the first whose values differ; what is not used is said."""
+        names = [name for name, *_ in fields]
+        candidates = time_fields(names)
+        differing = []
+        for name in candidates:
+            values = _records(cloud, _record_type(fields, name, order, cloud.point_step))["time"]
+            if len(values) and values.min() < values.max():
+                differing.append(name)
+        if candidates and not differing:
+            logger.warning(
+                "%s: field %s is the same for all points: the scans are not deskewed", self._place, candidates[0]
+            )
+        if not candidates and (similar := like_times(names, ())):
+            logger.warning(
+                "%s: field %s looks like per-point times but is not used: the scans are not deskewed; name it time"
+                " where it is one", self._place, similar[0],
+            )  # fmt: skip
+        return next(iter(differing or candidates), None)
 
 
 def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return."""
+    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return.
+
+    What lies beyond all places on Earth, in whatever coordinates, is no return either but a damaged number.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.add(np.abs(x), np.abs(y))
         size = np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None)
-    return np.asarray((size != 0) & (size < np.inf))  # the latter is false for NaN
+    return np.asarray((size != 0) & (size < _FARTHEST_M))  # the latter is false for NaN
 
 
 def timed_scan(
@@ -102,7 +142,7 @@ def timed_scan(
     intensity: NDArray[Any] | None = None,
 ) -> Scan:
     """A scan of returns `(N, 3)` with their recorded times, but for points whose time is not a number or a stray."""
-    if raw_times is not None and len(raw_times) and not np.isfinite(raw_times.min() + raw_times.max()):
+    if raw_times is not None and raw_times.dtype.kind == "f" and not np.isfinite(raw_times.sum()):
         timed = np.isfinite(raw_times)
         points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
         intensity = None if intensity is None or raw_times is None else intensity[timed]
@@ -114,13 +154,12 @@ def timed_scan(
     return Scan(stamp_ns, points, times, intensity32)
 
 
-def _record_type(fields: tuple[tuple[str, int, int, int], ...], order: str, point_step: int) -> np.dtype[np.void]:
+def _record_type(fields: Fields, time: str | None, order: str, point_step: int) -> np.dtype[np.void]:
     """The record of one point: x, y, z and, where they exist, time and intensity; other fields are padding."""
-    by_name = {name.lower(): (name, offset, datatype, count) for name, offset, datatype, count in reversed(fields)}
-    wanted = {axis: axis for axis in "xyz"}
-    for role, names in (("time", TIME_FIELDS), ("intensity", INTENSITY_FIELDS)):
-        if found := next((name for name in names if name in by_name), None):
-            wanted[role] = found
+    by_name = {name: (name, offset, datatype, count) for name, offset, datatype, count in reversed(fields)}
+    by_axis = {name.lower(): name for name in by_name}
+    wanted = {axis: by_axis.get(axis, axis) for axis in "xyz"}
+    wanted |= {role: name for role, name in (("time", time), ("intensity", intensity_field(by_name))) if name}
     formats, offsets = [], []
     for name in wanted.values():
         if name not in by_name:
@@ -171,30 +210,30 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
     """Points `(M, 3)`, times and intensity `(M,)` of the returns among the records."""
     names, count = records.dtype.names or (), len(records)
     points = np.empty((count, 3))
-    times = np.empty(count, _wide(records.dtype["time"])) if "time" in names else None
-    intensity = np.empty(count, np.float32) if "intensity" in names else None
+    others: dict[str, NDArray[Any]] = {}
+    if "time" in names:
+        others["time"] = np.empty(count, _wide(records.dtype["time"]))
+    if "intensity" in names:
+        others["intensity"] = np.empty(count, np.float32)
     end = 0
     for start in range(0, count, _BLOCK):
-        block = _kept(records[start : start + _BLOCK])
-        here = slice(end, end + len(block))
+        block = records[start : start + _BLOCK]
+        here = points[end : end + len(block)]
         for column, name in enumerate("xyz"):
-            points[here, column] = block[name]
-        if times is not None:
-            times[here] = block["time"]
-        if intensity is not None:
-            intensity[here] = block["intensity"]
-        end = here.stop
-    return points[:end], None if times is None else times[:end], None if intensity is None else intensity[:end]
-
-
-def _kept(records: Records) -> Records:
-    """The records that are returns."""
-    returns = are_returns(records["x"], records["y"], records["z"])
-    if returns.all():
-        return records
-    # As plain bytes: NumPy moves a record of unnamed bytes at once, but a structured one field by field.
-    plain = records.view(np.dtype((np.void, records.dtype.itemsize)))
-    return plain.take(np.flatnonzero(returns)).view(records.dtype)
+            here[:, column] = block[name]
+        good = are_returns(block["x"], block["y"], block["z"])
+        if good.all():
+            for name, values in others.items():
+                values[end : end + len(block)] = block[name]
+            end += len(block)
+            continue
+        kept = np.flatnonzero(good)
+        here[: len(kept)] = here.take(kept, axis=0, mode="clip")  # which spares it the check of each index
+        for name, values in others.items():
+            values[end : end + len(kept)] = block[name].take(kept, mode="clip")
+        end += len(kept)
+    times, intensity = (others[name][:end] if name in others else None for name in ("time", "intensity"))
+    return points[:end], times, intensity
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from wiclosure.pipeline.sources.messages.draco import DEFINITION as DRACO_DEFINITION
+from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
 from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
@@ -14,14 +16,20 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
+_TRANSFORMS = dict.fromkeys(
+    ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"), "geometry_msgs/TransformStamped[] transforms\n"
+)
+
+
 @cache
 def typestore(encoding: Encoding) -> Typestore:
     """The message types of ROS 1 (`ros1`) or ROS 2 (`cdr`), ours included."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
-    for msgtype, definition in DEFINITIONS.items():
-        store.register(get_types_from_msg(definition, msgtype))
+    for msgtype, definition in {**DEFINITIONS, DRACO_TYPE: DRACO_DEFINITION, **_TRANSFORMS}.items():
+        if msgtype not in store.types:
+            store.register(get_types_from_msg(definition, msgtype))
     return store
 
 
@@ -35,7 +43,8 @@ def recorded_typestore(encoding: Encoding, msgtype: str, definition: MessageDefi
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-    if msgtype == POINT_CLOUD_TYPE or definition.format != MessageDefinitionFormat.MSG:
+    stated = definition.format == MessageDefinitionFormat.MSG and definition.data.strip()
+    if msgtype == POINT_CLOUD_TYPE or not stated:
         return typestore(encoding)
     store = get_typestore(Stores.EMPTY)
     try:

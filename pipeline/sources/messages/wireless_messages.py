@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage, nanoseconds_of
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, WirelessMeasurement
 
 if TYPE_CHECKING:
@@ -22,35 +23,12 @@ MEASUREMENT_TYPE = "wiclosure_msgs/msg/WirelessMeasurement"
 HEADING_TYPE = "wiclosure_msgs/msg/Heading"
 PATH_TYPE = "wiclosure_msgs/msg/AoaPath"
 
+MESSAGE_PACKAGE = files("wiclosure.formats") / "wiclosure_msgs"
+"""The ROS 2 package of these messages, as it is built in a workspace."""
+
 DEFINITIONS: Mapping[str, str] = {
-    PATH_TYPE: """\
-# One direction from which a signal arrived.
-float64 azimuth    # rad, counter-clockwise from x forward
-float64 elevation  # rad, up from the horizontal plane; NaN: unknown
-float64 sigma      # rad, standard deviation
-float64 weight     # how likely this is the direct path, relative to the other paths
-""",
-    MEASUREMENT_TYPE: """\
-# What the receiver learnt from one exchange with the transmitter.
-std_msgs/Header header                       # stamp: the receiver's time
-string receiver
-string transmitter
-float64 range                                # m; NaN: none
-float64 range_sigma                          # m, standard deviation; NaN: none
-wiclosure_msgs/AoaPath[] paths               # empty: no direction
-string aoa_frame                             # axes of the directions: body, odometry or world
-bool has_transmitter_stamp
-builtin_interfaces/Time transmitter_stamp
-float64[3] lever_arm_receiver                # antenna in the receiver's body frame, m
-float64[3] lever_arm_transmitter
-""",
-    HEADING_TYPE: """\
-# Yaw of a robot's body in the common world axes.
-std_msgs/Header header
-string robot
-float64 heading  # rad
-float64 sigma    # rad
-""",
+    msgtype: (MESSAGE_PACKAGE / "msg" / f"{msgtype.rpartition('/')[2]}.msg").read_text(encoding="utf-8")
+    for msgtype in (PATH_TYPE, MEASUREMENT_TYPE, HEADING_TYPE)
 }
 
 
@@ -171,11 +149,6 @@ def encode_header(stamp_ns: int, store: Typestore, frame_id: str) -> Msg:
     if any(name == "seq" for name, _ in store.fielddefs["std_msgs/msg/Header"][1]):
         return header(seq=0, stamp=stamp, frame_id=frame_id)
     return header(stamp=stamp, frame_id=frame_id)
-
-
-def nanoseconds_of(stamp: TimeMessage) -> int:
-    """A ROS time in nanoseconds."""
-    return stamp.sec * 10**9 + stamp.nanosec
 
 
 def _or_nan(value: float | None) -> float:

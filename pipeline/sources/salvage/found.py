@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
-from wiclosure.pipeline.sources.messages.headers import Encoding
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
+logger = logging.getLogger(__name__)
+
+_REMEMBERED = 3  # the first ones tell enough
+
 
 class FoundTopic(NamedTuple):
-    """What a recording says of a topic."""
+    """What a recording says of a topic; `encoding` is `cdr` or `ros1` for ROS messages, else `json`, `protobuf` ..."""
 
     name: str
     msgtype: str
     definition: MessageDefinition
-    encoding: Encoding
+    encoding: str
 
 
 class FoundMessage(NamedTuple):
@@ -25,3 +29,25 @@ class FoundMessage(NamedTuple):
     topic: FoundTopic
     stamp_ns: int
     data: bytes
+
+
+Wanted: TypeAlias = Callable[[FoundTopic], bool]
+"""Whether the data of a topic's messages are wanted."""
+
+
+def everything(topic: FoundTopic) -> bool:
+    """All data are."""
+    return True
+
+
+class Damage:
+    """Takes down what a scanner had to leave out; none of it: the file is whole."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def __call__(self, what: str) -> None:
+        """Something is not as it should be."""
+        logger.info("%s", what)
+        if len(self.found) < _REMEMBERED:
+            self.found.append(what)

@@ -1,25 +1,24 @@
-"""Scans the records of an MCAP file without its summary and footer."""
+"""Scans the records of an MCAP file without its summary."""
 
 from __future__ import annotations
 
-import logging
 import struct
+from binascii import crc32
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from wiclosure.pipeline.sources.salvage.found import FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
 from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
-logger = logging.getLogger(__name__)
-
 MAGIC = b"\x89MCAP0\r\n"
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 3, 4, 5, 6
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
+_MESSAGE_HEAD = 22  # bytes before a message's data: channel, sequence, two times
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 
 
@@ -27,39 +26,57 @@ _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressor
 class _Known:
     """Schemas and channels met so far."""
 
+    damage: Damage
     schemas: dict[int, tuple[str, MessageDefinition]] = field(default_factory=dict)
     topics: dict[int, FoundTopic] = field(default_factory=dict)
 
 
-def scan_mcap(path: Path) -> Iterator[FoundMessage]:
-    """All whole messages, from whole and cut chunks alike; of channels in ROS 1 or ROS 2 encoding."""
-    known = _Known()
+def scan_mcap(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
+    """All whole messages, from whole and cut chunks alike, in the order of the file.
+
+    Args:
+        path: the file.
+        damage: takes down what is left out.
+        wanted: data of other topics' messages outside of chunks are skipped: they come out empty.
+    """
+    known = _Known(damage)
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
+            damage("the file does not start as an MCAP file")
             return
-        for operation, content, whole in _records(file, path.stat().st_size):
+        operation = 0
+        for operation, content, whole in _records(file, path.stat().st_size, known, wanted):
+            if operation == _FOOTER:
+                break
+            if not whole:
+                damage("the file ends within a record")
             if operation == _CHUNK:
-                inner = _chunk_content(content)
+                inner = _chunk_content(content, damage)
                 for inner_operation, record, inner_whole in _records(BytesIO(inner), len(inner)):
                     if inner_whole:
                         yield from _message(inner_operation, record, known)
             elif whole:
                 yield from _message(operation, content, known)
+        if operation != _FOOTER:
+            damage("the file was not closed by its recorder")
 
 
-def is_ros2_profile(path: Path) -> bool:
-    """Whether the file says that ROS 2 wrote it; rosbags refuses any other, though the messages may be ROS messages."""
-    with path.open("rb") as file:
-        head = file.read(64)
-    return head[17:25] == b"\4\0\0\0ros2"
-
-
-def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Operation, content and whether it is whole, of each record."""
+def _records(
+    file: BinaryIO, size: int, known: _Known | None = None, wanted: Wanted = everything
+) -> Iterator[tuple[int, bytes, bool]]:
+    """Operation, content and whether it is whole, of each record; of messages that are not wanted, the head alone."""
     while len(head := file.read(9)) == 9 and head[0]:
         length = int.from_bytes(head[1:], "little")
-        content = file.read(min(length, size - file.tell()))
-        yield head[0], content, len(content) == length
+        whole = file.tell() + length <= size
+        left = min(length, size - file.tell())
+        content = file.read(min(left, _MESSAGE_HEAD) if head[0] == _MESSAGE else left)
+        left -= len(content)
+        topic = known.topics.get(int.from_bytes(content[:2], "little")) if known is not None and left else None
+        if topic is not None and whole and not wanted(topic):
+            file.seek(left, 1)
+        else:
+            content += file.read(left)
+        yield head[0], content, whole
 
 
 def _message(operation: int, record: bytes, known: _Known) -> Iterator[FoundMessage]:
@@ -72,31 +89,36 @@ def _message(operation: int, record: bytes, known: _Known) -> Iterator[FoundMess
         elif operation == _MESSAGE:
             channel, _, log_time_ns = struct.unpack_from("<HIQ", record)
             if channel in known.topics:
-                yield FoundMessage(known.topics[channel], log_time_ns, record[22:])
+                yield FoundMessage(known.topics[channel], log_time_ns, record[_MESSAGE_HEAD:])
+            else:
+                known.damage(f"a message belongs to channel {channel}, which is described nowhere")
     except (struct.error, UnicodeDecodeError) as error:
-        logger.info("skipped a damaged record: %s", error)
+        known.damage(f"a record cannot be read: {error}")
 
 
 def _remember_schema(record: bytes, known: _Known) -> None:
     from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
     (number,) = struct.unpack_from("<H", record)
-    name, encoding, text = _strings(record, 2, 3)
-    is_msg = encoding in {"ros1msg", "ros2msg"}
-    definition = MessageDefinition(MessageDefinitionFormat.MSG if is_msg else MessageDefinitionFormat.NONE, text)
+    name, encoding = _strings(record, 2, 2)
+    if encoding in {"ros1msg", "ros2msg"}:
+        (text,) = _strings(record, 2 + 4 + len(name.encode()) + 4 + len(encoding.encode()), 1)
+        definition = MessageDefinition(MessageDefinitionFormat.MSG, text)
+    else:  # perhaps no text: descriptions of protobuf messages are binary
+        definition = MessageDefinition(MessageDefinitionFormat.NONE, "")
     known.schemas[number] = (name, definition)
 
 
 def _remember_channel(record: bytes, known: _Known) -> None:
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
     from rosbags.typesys.msg import normalize_msgtype
 
     number, schema = struct.unpack_from("<HH", record)
     topic, encoding = _strings(record, 4, 2)
-    if schema in known.schemas and encoding in {"cdr", "ros1"}:
-        msgtype, definition = known.schemas[schema]
-        known.topics[number] = FoundTopic(
-            topic, normalize_msgtype(msgtype), definition, "ros1" if encoding == "ros1" else "cdr"
-        )
+    msgtype, definition = known.schemas.get(schema, ("unknown", MessageDefinition(MessageDefinitionFormat.NONE, "")))
+    if encoding in {"cdr", "ros1"} and msgtype.count("/") == 1:
+        msgtype = normalize_msgtype(msgtype)
+    known.topics[number] = FoundTopic(topic, msgtype, definition, encoding)
 
 
 def _strings(record: bytes, position: int, count: int) -> list[str]:
@@ -109,18 +131,29 @@ def _strings(record: bytes, position: int, count: int) -> list[str]:
     return strings
 
 
-def _chunk_content(chunk: bytes) -> bytes:
+def _chunk_content(chunk: bytes, damage: Damage) -> bytes:
     """What a chunk holds, as far as it decompresses."""
     try:
+        uncompressed_size, crc = struct.unpack_from("<QI", chunk, 16)
         (compression,) = _strings(chunk, 28, 1)
-        compressed = chunk[28 + 4 + len(compression) + 8 :]
-        if compression == "zstd":
-            return decompress_partly(compressed)
-        if compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            return bytes(LZ4FrameDecompressor().decompress(compressed))
+        content = _decompressed(chunk[28 + 4 + len(compression) + 8 :], compression)
     except (struct.error, *_DAMAGE) as error:
-        logger.info("skipped a damaged chunk: %s", error)
+        damage(f"a chunk cannot be unpacked: {error}")
         return b""
-    return compressed if compression == "" else b""
+    if len(content) != uncompressed_size:
+        damage(f"a chunk holds {len(content)} bytes of {uncompressed_size}")
+    elif crc and crc32(content) != crc:
+        damage("a chunk's checksum does not fit")
+    return content
+
+
+def _decompressed(packed: bytes, compression: str) -> bytes:
+    if compression == "zstd":
+        return decompress_partly(packed)
+    if compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return bytes(LZ4FrameDecompressor().decompress(packed))
+    if compression:
+        raise ValueError(f"unknown compression {compression!r}")
+    return packed

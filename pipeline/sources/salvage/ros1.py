@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import bz2
-import logging
 import struct
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from wiclosure.pipeline.sources.salvage.found import FoundMessage, FoundTopic
-
-logger = logging.getLogger(__name__)
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
 
 MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
+_MESSAGE, _HEAD, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 
 
@@ -29,15 +26,26 @@ class _Record(NamedTuple):
         return self.header.get("op", b"\0")[0]
 
 
-def scan_ros1(path: Path) -> Iterator[FoundMessage]:
-    """All whole messages, from whole and cut chunks alike."""
+def scan_ros1(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
+    """All whole messages, from whole and cut chunks alike.
+
+    Args:
+        path: the file.
+        damage: takes down what is left out.
+        wanted: of no meaning here: messages are in chunks, which are read whole.
+    """
     topics: dict[bytes, FoundTopic] = {}
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
+            damage("the file does not start as a ROS 1 bag")
             return
         for record in _records(file, path.stat().st_size):
+            if record.operation == _HEAD and not any(record.header.get("index_pos", b"")):
+                damage("the file was not closed by its recorder")
+            if not record.whole:
+                damage("the file ends within a record")
             if record.operation == _CHUNK:
-                content = _chunk_content(record)
+                content = _chunk_content(record, damage)
                 for inner in _records(BytesIO(content), len(content)):
                     yield from _message(inner, topics)
             else:
@@ -102,7 +110,7 @@ def _fields(header: bytes) -> dict[str, bytes]:
     return fields
 
 
-def _chunk_content(record: _Record) -> bytes:
+def _chunk_content(record: _Record, damage: Damage) -> bytes:
     """What a chunk holds, as far as it decompresses."""
     compression = record.header.get("compression", b"none")
     if compression == b"none":
@@ -113,5 +121,5 @@ def _chunk_content(record: _Record) -> bytes:
     try:
         return bytes(decompressor.decompress(record.data))
     except _DAMAGE as error:
-        logger.info("skipped a damaged chunk: %s", error)
+        damage(f"a chunk cannot be unpacked: {error}")
         return b""

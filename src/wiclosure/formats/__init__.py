@@ -11,9 +11,6 @@ if TYPE_CHECKING:
     from wiclosure.formats.kitti_poses import write_kitti_poses as write_kitti_poses
     from wiclosure.formats.tum import read_tum as read_tum
     from wiclosure.formats.tum import write_tum as write_tum
-    from wiclosure.formats.uwb_csv import RangeColumn as RangeColumn
-    from wiclosure.formats.uwb_csv import UwbColumns as UwbColumns
-    from wiclosure.formats.uwb_csv import read_uwb_csv as read_uwb_csv
     from wiclosure.formats.wireless_log import read_wireless_log as read_wireless_log
     from wiclosure.formats.wireless_log import write_wireless_log as write_wireless_log
     from wiclosure.formats.wsr import AoaNoise as AoaNoise
@@ -27,7 +24,6 @@ else:
             "wiclosure.formats.candidates_csv": "StampedPairs read_candidates write_candidates",
             "wiclosure.formats.kitti_poses": "write_kitti_poses",
             "wiclosure.formats.tum": "read_tum write_tum",
-            "wiclosure.formats.uwb_csv": "RangeColumn UwbColumns read_uwb_csv",
             "wiclosure.formats.wireless_log": "read_wireless_log write_wireless_log",
             "wiclosure.formats.wsr": "AoaNoise read_wsr_matrix read_wsr_profiles wsr_wireless_log",
         },

@@ -3,9 +3,68 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
-from wiclosure.errors import OutputError
-from wiclosure.types import FloatArray
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wiclosure.errors import InputError, OutputError
+from wiclosure.types import FloatArray, IntArray
+
+_SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact
+_NUMBERS = (12, 13, 16, 17)  # a line: three or four rows, and a frame's number before them (KITTI-360)
+
+
+class KittiPoses(NamedTuple):
+    """Poses `(N, 4, 4)`, and the numbers `(N,)` of their frames where the file states them."""
+
+    poses: FloatArray
+    frames: IntArray | None
+
+
+def read_kitti_poses(path: Path | str) -> KittiPoses:
+    """The poses in a KITTI pose file, as they stand there.
+
+    Args:
+        path: 12 numbers a line (the upper three rows of a pose) or 16, perhaps after the frame's number.
+
+    Raises:
+        InputError: the file cannot be read, or a line is something else.
+    """
+    path = Path(path)
+    try:
+        lines = [line.partition("#")[0].split() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read the poses {path}: {error}; check the file") from error
+    rows = [(number, words) for number, words in enumerate(lines, start=1) if words]
+    width = len(rows[0][1]) if rows else 12
+    numbers = np.zeros((len(rows), width))
+    for row, (number, words) in enumerate(rows):
+        try:
+            numbers[row] = np.array(words, float)
+        except ValueError:
+            width = 0
+        if width not in _NUMBERS:
+            raise InputError(f"{path}, line {number}: expected 12 numbers (a 3 x 4 matrix), row by row")
+        if not np.isfinite(numbers[row]).all():
+            raise InputError(f"{path}, line {number}: not finite; expected 12 numbers (a 3 x 4 matrix)")
+    frames = numbers[:, 0].astype(np.int64) if width in {13, 17} else None
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = numbers[:, width % 4 :][:, :12].reshape(-1, 3, 4)
+    return KittiPoses(_made_exact(path, poses, [number for number, _ in rows]), frames)
+
+
+def _made_exact(path: Path, poses: FloatArray, lines: list[int]) -> FloatArray:
+    """Poses whose rotations are orthonormal."""
+    R = poses[:, :3, :3]
+    skewness = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2)) + (np.linalg.det(R) < 0)
+    if (skewness > _SKEWNESS).any():
+        raise InputError(
+            f"{path}, line {lines[int(np.argmax(skewness))]}: not a pose; expected a 3 x 4 matrix [R | t], row by row"
+        )
+    if len(poses):
+        poses[:, :3, :3] = Rotation.from_matrix(R).as_matrix()
+    return poses
 
 
 def write_kitti_poses(path: Path | str, poses: FloatArray) -> None:

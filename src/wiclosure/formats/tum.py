@@ -1,9 +1,14 @@
-"""Trajectories as TUM text: `stamp x y z qx qy qz qw` a line, `#` starts a comment."""
+"""Trajectories as TUM text: `stamp x y z qx qy qz qw` a line, `#` starts a comment.
+
+Commas or semicolons may separate the numbers, commas may stand for decimal points, and a line of names may come first.
+"""
 
 from __future__ import annotations
 
 import logging
+import re
 import warnings
+from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import NoReturn
@@ -16,36 +21,41 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, Trajectory
 
 logger = logging.getLogger(__name__)
 
 COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 _ROW = np.dtype([("stamp", "S48"), ("pose", np.float64, (7,))])
+_FEW_DIGITS = 7  # what C++ streams (6) and float32 (7) keep of a number
 _UNIT_TOLERANCE = 0.01  # quaternions printed with three decimals stay within this of length one
 
 
 def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
-    """The trajectory in a TUM file; stamps become exact integer nanoseconds.
+    """The trajectory in a TUM file; stamps become exact integer nanoseconds, and of repeated ones the first counts.
 
     Args:
-        path: text file, columns `stamp x y z qx qy qz qw` (seconds, metres), separated by white space.
+        path: text file, columns `stamp x y z qx qy qz qw` (seconds, metres).
         robot: name that the trajectory carries.
         drift: drift model that the trajectory carries.
 
     Raises:
-        InputError: the file cannot be read, or a line is malformed, not finite, repeats a stamp or goes back in time.
+        InputError: the file cannot be read, a line is malformed, not finite or goes back in time, or the stamps have
+            lost their digits.
     """
     path = Path(path)
-    rows = _load_rows(path)
+    text = _plain_text(path)
+    rows = _load_rows(path, text)
     try:
         stamps_ns = nanoseconds_of_column(rows["stamp"])
     except ValueError:
-        _explain(path)
+        _explain(path, text)
     pose = rows["pose"]
     norm = np.linalg.norm(pose[:, 3:], axis=1)
-    if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) <= 0).any():
-        _explain(path)
+    if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) < 0).any():
+        _explain(path, text)
+    first = _first_of_each(path, rows["stamp"], stamps_ns)
+    stamps_ns, pose, norm = stamps_ns[first], pose[first], norm[first]
     if (np.abs(norm - 1) > _UNIT_TOLERANCE).any():
         logger.warning("%s: quaternions are not of length one (worst %.3f); normalised", path, norm[_worst(norm)])
     rotation = Rotation.from_quat(pose[:, 3:]).as_matrix()
@@ -71,42 +81,72 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
         raise OutputError(f"cannot write the trajectory {path}: {error.strerror}; choose another place") from error
 
 
-def _load_rows(path: Path) -> NDArray[np.void]:
-    """All rows `(N,)`, stamps still as text."""
+def _plain_text(path: Path) -> str:
+    """The file's text with white space between the numbers, line for line."""
     try:
-        with warnings.catch_warnings(), path.open(encoding="utf-8-sig") as file:
-            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-            rows = np.loadtxt(file, dtype=_ROW, comments="#", ndmin=1)
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text; a trajectory is a TUM file: {' '.join(COLUMNS)} a line") from None
     except OSError as error:
         raise InputError(f"cannot read the trajectory {path}: {error.strerror}; check the path") from error
+    first = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "")
+    if re.match(r"[\"'\s]*[a-z]*(time|stamp)", first, re.IGNORECASE):  # names of the columns
+        text = text.replace(first, "#" + first, 1)
+        first = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "")
+    if "," not in first and ";" not in first:
+        return text
+    decimal = ";" in first or (len(first.split()) == len(COLUMNS) and re.search(r"\d,\d", first) is not None)
+    return text.replace(";", " ").replace(",", "." if decimal else " ")
+
+
+def _load_rows(path: Path, text: str) -> NDArray[np.void]:
+    """All rows `(N,)`, stamps still as text."""
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+            rows = np.loadtxt(StringIO(text), dtype=_ROW, comments="#", ndmin=1)
     except ValueError:
-        _explain(path)
+        _explain(path, text)
     if len(rows) == 0:
         raise InputError(f"{path} holds no poses; a trajectory is a TUM file: {' '.join(COLUMNS)} a line")
     return np.asarray(rows)
 
 
-def _explain(path: Path) -> NoReturn:
+def _first_of_each(path: Path, texts: NDArray[np.bytes_], stamps_ns: IntArray) -> NDArray[np.bool_]:
+    """Which rows `(N,)` are the first of their stamp.
+
+    Raises:
+        InputError: stamps repeat because they were written with too few digits.
+    """
+    first = np.concatenate([[True], np.diff(stamps_ns) > 0])
+    if first.all():
+        return first
+    repeated = texts[int(np.argmin(first))].decode()
+    digits = re.sub(r"[eE].*|[^0-9]", "", repeated).strip("0")
+    if len(digits) <= _FEW_DIGITS and abs(float(repeated)) >= 10**_FEW_DIGITS:
+        count = int(np.count_nonzero(stamps_ns == stamps_ns[int(np.argmin(first))]))
+        raise InputError(
+            f"{path}: the stamp {repeated} stands on {count} lines: whoever wrote it kept {len(digits)} digits only;"
+            " write stamps with nine decimals (NumPy: fmt='%.9f', C++: std::fixed << std::setprecision(9))"
+        )
+    logger.warning("%s: %d lines repeat a stamp; of each the first is used", path, int(np.count_nonzero(~first)))
+    return first
+
+
+def _explain(path: Path, text: str) -> NoReturn:
     """Finds the first bad line and says what is wrong with it; slow, only taken when something is."""
     previous_ns, previous_line = None, 0
-    with path.open(encoding="utf-8-sig") as file:
-        for line, text in enumerate(file, start=1):
-            words = text.partition("#")[0].split()
-            if not words:
-                continue
-            stamp_ns = _check_line(f"{path}, line {line}", words)
-            if previous_ns is not None and stamp_ns == previous_ns:
-                raise InputError(
-                    f"{path}, line {line}: stamp {words[0]} repeats line {previous_line}; drop one of them"
-                )
-            if previous_ns is not None and stamp_ns < previous_ns:
-                raise InputError(
-                    f"{path}, line {line}: stamp {words[0]} is before that of line {previous_line};"
-                    " sort the file by its first column"
-                )
-            previous_ns, previous_line = stamp_ns, line
+    for line, content in enumerate(text.splitlines(), start=1):
+        words = content.partition("#")[0].split()
+        if not words:
+            continue
+        stamp_ns = _check_line(f"{path}, line {line}", words)
+        if previous_ns is not None and stamp_ns < previous_ns:
+            raise InputError(
+                f"{path}, line {line}: stamp {words[0]} is before that of line {previous_line};"
+                " sort the file by its first column"
+            )
+        previous_ns, previous_line = stamp_ns, line
     raise InputError(f"{path} is not a TUM trajectory: expected {' '.join(COLUMNS)} on each line")
 
 

@@ -259,7 +259,8 @@ def test_several_topics_are_listed(wiclosure: Call) -> None:
 
 
 def test_unusable_scans_are_counted_in_the_diagnosis(wiclosure: Call) -> None:
-    nothing = replace(SCANS[2], points=np.full_like(SCANS[2].points, np.nan))
+    nothing = replace(SCANS[2], points=SCANS[2].points.copy())
+    nothing.points[:] = np.nan  # a Scan is not made of these, but a bag may hold them
     write_ros2_bag("alpha", [*SCANS[:2], nothing, *SCANS[3:]])
     code, out, _ = wiclosure("run", "alpha", "--out", "run", "--json")
     assert code == 0

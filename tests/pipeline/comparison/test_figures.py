@@ -22,9 +22,13 @@ SECONDS = {"odometry": 100.0, "filter": 1.0, "matching": 2.0, "verification": 3.
 
 def test_closing_time_is_search_verification_and_optimisation() -> None:
     assert closing_seconds(SECONDS) == 10.0
-    run, base = {"seconds": SECONDS}, {"seconds": SECONDS | {"verification": 33.0}}
+    run, base = (
+        {"seconds": SECONDS | {"verification": verification}, "closures": {"accepted": 1}}
+        for verification in (3.0, 33.0)
+    )
     assert saving_percent(run, base) == pytest.approx(75.0)
     assert saving_percent(base, base) == 0.0
+    assert saving_percent(run | {"closures": {"accepted": 0}}, base) is None  # nothing found, nothing saved
     assert filter_share_percent(run) == pytest.approx(0.8)
 
 
@@ -71,9 +75,10 @@ def test_figures_without_ground_truth_are_left_out(
     def unknown(name: str, seed: int) -> dict:
         own = run_metrics(None, 1.0)
         own |= {"ate_odometry_m": {"team": None}, "candidates": nothing | {"pruned": 0.5}}
-        return own | {"closures": {"accepted_true": None, "accepted_false": None}}
+        return own | {"closures": {"proposed": 0, "accepted": 0, "accepted_true": None, "accepted_false": None}}
 
     arm = summaries(comparison_of(unknown, seeds=1))[1]
     assert {"ate_m", "accepted_true", "missed_percent"}.isdisjoint(arm.figures)
     assert {"closing_s", "filter_share_percent"} <= set(arm.figures)
+    assert arm.saving_percent is None
     assert "not connected" not in comparison_markdown(comparison_of(unknown, seeds=1))

@@ -24,10 +24,14 @@ def metrics(ate_m: float | None, total_s: float) -> dict:
         "pairs_total": 1000,
         "pairs_kept": 100,
         "candidates": {"recall": 0.875, "false_rejected": 0.96875},
-        "closures": {"accepted_true": 8, "accepted_false": 5 if ate_m is None or ate_m > 5 else 0},
+        "closures": {
+            "proposed": 20, "accepted": 8, "accepted_true": 8,
+            "accepted_false": 5 if ate_m is None or ate_m > 5 else 0,
+        },
+        "components": [{"robots": ["alpha", "beta"], "ate_m": ate_m}],
         "seconds": stages | {"filter": 0.5, "total": total_s},
         "seconds_spent": stages | {"filter": 0.5, "total": total_s},
-    }
+    }  # fmt: skip
 
 
 def reproduced(name: str, lost_alone: float | None) -> Comparison:

@@ -19,6 +19,8 @@ from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.pipeline.sources.messages.ros_types import typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.wireless_topics import RANGE_TYPE
@@ -91,7 +93,9 @@ def test_what_several_logs_repeat_counts_once(folder: Path) -> None:
 
 def test_recordings_named_on_the_command_line(folder: Path) -> None:
     dataset = load_dataset(
-        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"], topic="/points", wireless=[folder / "wireless.jsonl"]
+        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"],
+        topic="/points",
+        wireless=[RadioSource(path=folder / "wireless.jsonl")],
     )
     assert dataset.wireless_log() == LOG
     assert len(dataset.scans("alpha", limit=2)) == 2
@@ -105,7 +109,7 @@ def test_a_file_that_is_written_is_read_alike(folder: Path, tmp_path: Path) -> N
         "alpha": RobotRecording(folder / "alpha.bag", "/points", folder / "alpha_gt.tum", -0.25),
         "beta": RobotRecording(folder / "beta_bag", ranges={"/uwb": "alpha"}),
     }
-    dataset = Dataset(robots, (folder / "wireless.jsonl",))
+    dataset = Dataset(robots, (RadioSource(path=folder / "wireless.jsonl"),))
     for place in (folder / "again.yaml", tmp_path / "elsewhere.yaml"):
         write_dataset(place, dataset.robots, dataset.wireless)
         assert load_dataset([str(place)]) == dataset
@@ -145,6 +149,36 @@ def test_ranges_of_a_driver_in_the_bag(folder: Path) -> None:
     dataset = load_dataset([str(written(folder, text, "ranging.yaml"))])
     (measurement,) = (m for m in dataset.wireless_log().measurements if m not in LOG.measurements)
     assert (measurement.receiver, measurement.transmitter, measurement.range_m) == ("alpha", "beta", 7.5)
+
+
+def test_a_topic_of_each_robots_own_bag(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for number, robot in enumerate(("one", "two")):
+        store = typestore("ros1")
+        with Writer(folder / f"{robot}.bag") as writer:
+            connection = writer.add_connection("/uwb", RANGE_TYPE, typestore=store)
+            message = store.types[RANGE_TYPE](
+                header=encode_header(START_NS + number, store, f"uwb_{robot}"),
+                radiation_type=0, field_of_view=0.0, min_range=0.0, max_range=50.0, range=7.0 + number,
+            )  # fmt: skip
+            writer.write(connection, START_NS, store.serialize_ros1(message, RANGE_TYPE))
+    robots = "robots: {one: {scans: one.bag}, two: {scans: two.bag}}\n"
+    dataset = load_dataset([str(written(folder, robots, "none.yaml"))])
+    with caplog.at_level("WARNING", "wiclosure"):
+        assert dataset.wireless_log().measurements == ()
+    assert [
+        "frame_id 'uwb_one' names no pair of robots; if it is a radio's, add ranges: {/uwb: two}" in caplog.text,
+        "frame_id 'uwb_two' names no pair of robots; if it is a radio's, add ranges: {/uwb: one}" in caplog.text,
+    ] == [True, True]
+    caplog.clear()
+    both = robots + "wireless: [{topic: /uwb, transmitter: two}]\n"
+    dataset = load_dataset(
+        [str(written(folder, both.replace("two: {scans: two.bag}", "two: {scans: gamma}"), "a.yaml"))]
+    )
+    (measurement,) = (m for m in dataset.wireless_log().measurements if m.receiver == "one")
+    assert (measurement.transmitter, measurement.range_m) == ("two", 7.0)
+    gone = load_dataset([str(written(folder, robots + "wireless: [{topic: /gone}]\n", "gone.yaml"))])
+    with pytest.raises(InputError, match="no robot's bag has the topic /gone"):
+        gone.wireless_log()
 
 
 # ------------------------------------------------------------------------------------------------------- ground truth
@@ -202,7 +236,10 @@ def test_ground_truth_of_another_time(folder: Path, recording: str) -> None:
         (GOOD.replace("wireless:", "wireles:"), "unknown key 'wireles'; did you mean wireless"),
         (GOOD.replace("beta: ", "alpha:"), r"line 3: 'alpha' stands twice"),
         (GOOD.replace("alpha.bag", "gone.bag"), "robot alpha names .*gone.bag, which does not exist"),
-        (GOOD.replace("alpha_gt", "gone_gt"), "robot alpha names .*gone_gt.tum, which does not exist"),
+        (GOOD.replace("topic: /points", "layout: x y"), "layout 'x y' is not known"),
+        (GOOD.replace("topic: /points", "layout: x y z t:u3"), "'t:u3' has an unknown type"),
+        (GOOD.replace("topic: /points", "odometry_settings: {max_rnge_m: 3}"), "did you mean max_range_m"),
+        (GOOD.replace("topic: /points", "odometry_settings: {max_range_m: -3}"), "max_range_m: Input should"),
         (GOOD.replace("[wireless", "[gone"), "wireless log names .*gone.jsonl, which does not exist"),
         (GOOD.replace("time_offset: 0.0", "time_offset: soon"), '"time_offset" of robot alpha is \'soon\''),
         (GOOD.replace("time_offset: 0.0", "time_offset: .nan"), '"time_offset" of robot alpha is nan'),
@@ -210,7 +247,10 @@ def test_ground_truth_of_another_time(folder: Path, recording: str) -> None:
         (GOOD.replace("topic: /points", "topic: [a]"), '"topic" of robot alpha is'),
         (GOOD.replace("{scans: beta_bag/}", "beta_bag"), "robot beta is 'beta_bag'"),
         (GOOD.replace("{scans: beta_bag/}", "{topic: /p}"), 'robot beta has no "scans"'),
-        (GOOD.replace("[wireless.jsonl]", "{a: b}"), '"wireless" is'),
+        (GOOD.replace("[wireless.jsonl]", "{a: b}"), "wireless source with unknown key 'a'"),
+        (GOOD.replace("[wireless.jsonl]", "{path: wireless.jsonl, unit: miles}"), "unit is 'miles'"),
+        (GOOD.replace("[wireless.jsonl]", "{preset: milv, path: wireless.jsonl}"), "did you mean miluv"),
+        (GOOD.replace("[wireless.jsonl]", "3"), "a wireless source is '3'"),
         (GOOD.replace("alpha:", "7:"), "a robot's name is 7"),
         (GOOD.replace("alpha:", "al/pha:"), "robot name 'al/pha' cannot be used"),
         (GOOD.replace("alpha:", "team:"), "robot name 'team' cannot be used"),
@@ -246,12 +286,12 @@ def test_bad_arguments_are_one_line(folder: Path) -> None:
     with pytest.raises(InputError, match="stands beside other data"):
         load_dataset([str(written(folder, GOOD)), f"a={bag}"])
     with pytest.raises(InputError, match=r"wireless log .*gone\.jsonl"):
-        load_dataset([f"a={bag}"], wireless=[Path("gone.jsonl")])
+        load_dataset([f"a={bag}"], wireless=sources_of_words(["gone.jsonl"]))
 
 
 def test_an_unknown_robot_in_the_wireless_log(folder: Path) -> None:
     dataset = load_dataset(
-        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"], wireless=[folder / "foreign.jsonl"]
+        [f"alpha={folder}/alpha.bag", f"beta={folder}/beta_bag"], wireless=[RadioSource(path=folder / "foreign.jsonl")]
     )
     with pytest.raises(InputError, match=r"foreign\.jsonl mentions the robot 'betta'.*alpha, beta.*did you mean beta"):
         dataset.wireless_log()

@@ -10,6 +10,7 @@ import yaml
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.data.dataset_file import read_dataset_file, write_dataset
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
 
 POSE = (0.3, 0.0, 1.2, 0.0, 0.0, 0.0, 1.0)
 
@@ -28,8 +29,8 @@ def test_everything_that_can_be_said_of_a_robot_comes_back(folder: Path) -> None
         ),
         "beta": RobotRecording(folder / "b.bag", odometry_topic="/odom"),
     }
-    write_dataset(folder / "dataset.yaml", robots, [folder / "radio.jsonl"])
-    assert read_dataset_file(folder / "dataset.yaml") == (robots, (folder / "radio.jsonl",))
+    write_dataset(folder / "dataset.yaml", robots, [RadioSource(path=folder / "radio.jsonl")])
+    assert read_dataset_file(folder / "dataset.yaml") == (robots, (RadioSource(path=folder / "radio.jsonl"),))
 
 
 def test_what_is_not_said_is_not_written_and_paths_below_are_relative(folder: Path, tmp_path: Path) -> None:
@@ -43,13 +44,13 @@ def test_what_is_not_said_is_not_written_and_paths_below_are_relative(folder: Pa
 
 def test_one_log_needs_no_list(folder: Path) -> None:
     (folder / "dataset.yaml").write_text("robots: {a: {scans: a.bag}}\nwireless: radio.jsonl\n")
-    assert read_dataset_file(folder / "dataset.yaml")[1] == (folder / "radio.jsonl",)
+    assert read_dataset_file(folder / "dataset.yaml")[1] == (RadioSource(path=folder / "radio.jsonl"),)
 
 
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
-        ("odometry: a_odom.tum, odometry_topic: /odom", 'robot a has "odometry" and "odometry_topic"; name one'),
+        ("odometry: a_odom.tum, odometry_topic: /odom", 'has "odometry" and "odometry_topic", .* no bag; name one'),
         ("lidar_pose: [1, 2, 3]", '"lidar_pose" of robot a is \\[1, 2, 3\\]; expected seven numbers'),
         ("lidar_pose: [0, 0, 0, 0, 0, 0, 0]", "expected seven numbers"),
         ("lidar_pose: [0, 0, .inf, 0, 0, 0, 1]", "expected seven numbers"),

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.ground_truth import kitti_ground_truth, read_kitti_poses, recorded_ground_truth
+from wiclosure.pipeline.data.ground_truth import kitti_ground_truth, recorded_ground_truth
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.types import FloatArray, Scan
 
@@ -19,30 +18,6 @@ from wiclosure.types import FloatArray, Scan
 def turned(count: int = 3) -> FloatArray:
     yaw = np.arange(count) * 0.1
     return se3.from_yaw(yaw, np.stack([yaw, 0 * yaw, 0 * yaw], axis=1))
-
-
-def test_rotations_printed_with_three_digits_are_made_exact(tmp_path: Path) -> None:
-    rows = turned()[:, :3].reshape(-1, 12)
-    (tmp_path / "poses.txt").write_text("".join(" ".join(f"{x:.3f}" for x in row) + "\n" for row in rows))
-    R = read_kitti_poses(tmp_path / "poses.txt")[:, :3, :3]
-    np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
-    assert Rotation.from_matrix(R[2]).as_euler("zyx")[0] == pytest.approx(0.2, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("line", "says"),
-    [
-        ("1 0 0 5 0 1 0 5 0 0 1", "line 2: expected 12 numbers"),
-        ("1 0 0 5 0 1 0 5 0 0 1 far", "line 2: expected 12 numbers"),
-        ("1 0 0 5 0 1 0 5 0 0 1 inf", "line 2: not finite"),
-        ("2 0 0 5 0 2 0 5 0 0 2 5", "line 2: not a pose"),
-        ("1 0 0 5 0 1 0 5 0 0 -1 5", "line 2: not a pose"),
-    ],
-)
-def test_what_is_no_pose_is_named_with_its_line(tmp_path: Path, line: str, says: str) -> None:
-    (tmp_path / "poses.txt").write_text(f"1 0 0 5 0 1 0 5 0 0 1 5\n{line}\n")
-    with pytest.raises(InputError, match=rf"poses\.txt, {says}"):
-        read_kitti_poses(tmp_path / "poses.txt")
 
 
 def test_a_calibration_that_is_no_matrix_is_named(tmp_path: Path) -> None:
@@ -61,3 +36,52 @@ def test_nothing_is_known_of_a_recording_without_poses(tmp_path: Path) -> None:
     write_kitti_folder(tmp_path / "08", [Scan(10**9, np.ones((5, 3)))])
     assert kitti_ground_truth(tmp_path / "08", "alpha") is None
     assert recorded_ground_truth("alpha", RobotRecording(tmp_path / "08")) is None
+
+
+# ------------------------------------------------------------------------------------------ poses that are not as many
+def kitti(folder: Path, count: int, poses: str) -> Path:
+    scans = [Scan(10**9 + k * 10**8, np.full((5, 3), k + 1.0)) for k in range(count)]
+    write_kitti_folder(folder / "08", scans)
+    (folder / "08" / "poses.txt").write_text(poses)
+    return folder / "08"
+
+
+def line(x: float) -> str:
+    return f"1 0 0 {x} 0 1 0 0 0 0 1 0\n"
+
+
+def test_one_pose_fewer_than_scans_costs_the_last_scan(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    truth = kitti_ground_truth(kitti(tmp_path, 5, "".join(map(line, range(4)))), "alpha")
+    assert truth is not None
+    np.testing.assert_array_equal(truth.positions[:, 0], range(4))
+    assert "4 poses for 5 scans" in caplog.text
+
+
+def test_poses_with_numbers_of_frames_are_matched_by_them(tmp_path: Path) -> None:
+    truth = kitti_ground_truth(kitti(tmp_path, 5, "".join(f"{k} {line(k)}" for k in (1, 2, 4, 9))), "alpha")
+    assert truth is not None
+    np.testing.assert_array_equal(truth.stamps_ns, 10**9 + np.array([1, 2, 4]) * 10**8)
+    np.testing.assert_array_equal(truth.positions[:, 0], [1, 2, 4])
+
+
+def test_part_of_a_drive_takes_the_poses_of_its_scans(tmp_path: Path) -> None:
+    folder = kitti(tmp_path, 8, "".join(map(line, range(8))))
+    for number in (0, 1, 2, 5):
+        (folder / "velodyne" / f"{number:06d}.bin").unlink()
+    truth = kitti_ground_truth(folder, "alpha")
+    assert truth is not None
+    np.testing.assert_array_equal(truth.stamps_ns, 10**9 + np.array([3, 4, 6, 7]) * 10**8)
+    np.testing.assert_array_equal(truth.positions[:, 0], [3, 4, 6, 7])
+
+
+def test_poses_that_fit_nothing_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="2 poses for 9 scans"):
+        kitti_ground_truth(kitti(tmp_path, 9, line(0) + line(1)), "alpha")
+
+
+def test_a_poses_file_beside_a_folder_of_clouds(tmp_path: Path) -> None:
+    folder = kitti(tmp_path, 4, "")
+    (tmp_path / "truth.txt").write_text("".join(map(line, range(4))))
+    truth = recorded_ground_truth("alpha", RobotRecording(folder / "velodyne", ground_truth=tmp_path / "truth.txt"))
+    assert truth is not None
+    np.testing.assert_array_equal(truth.positions[:, 0], range(4))

@@ -15,6 +15,7 @@ from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import Scan, Trajectory, WirelessLog, WirelessMeasurement
 
 STAMPS_NS = 10**9 + np.arange(4) * 10**8
@@ -38,7 +39,7 @@ def test_recordings_with_their_truth_radio_and_odometry(folder: Path) -> None:
         "alpha": RobotRecording(folder / "alpha"),
         "beta": RobotRecording(folder / "beta", odometry=folder / "beta.tum"),
     }
-    write_dataset(folder / "dataset.yaml", robots, [folder / "radio.jsonl"])
+    write_dataset(folder / "dataset.yaml", robots, [RadioSource(path=folder / "radio.jsonl")])
     inputs = open_inputs([str(folder)], limit=3)
     assert [(r.robot, len(r.scans), r.odometry is None) for r in inputs.robots] == [
         ("alpha", 3, True), ("beta", 3, False)
@@ -73,4 +74,4 @@ def test_bad_words_are_refused_before_any_work(folder: Path) -> None:
     with pytest.raises(ConfigError, match="a scenario stands alone"):
         open_inputs(["scenario:city", f"alpha={folder}/alpha"])
     with pytest.raises(InputError, match="mentions the robot 'beta'"):
-        open_inputs([f"alpha={folder}/alpha"], wireless=[folder / "radio.jsonl"])
+        open_inputs([f"alpha={folder}/alpha"], wireless=[str(folder / "radio.jsonl")])

@@ -83,7 +83,7 @@ def test_a_wireless_log_made_from_the_ground_truth(kitti: Path, tmp_path: Path) 
 
     dataset = split_kitti(kitti, "08", 2, tmp_path / "out", heard=heard)
     assert [h.robot for h in dataset.wireless_log().headings] == ["beta"]
-    assert dataset.wireless == (tmp_path / "out" / "wireless.jsonl",)
+    assert [source.path for source in dataset.wireless] == [tmp_path / "out" / "wireless.jsonl"]
 
 
 def test_without_poses_there_is_no_ground_truth(kitti: Path, tmp_path: Path) -> None:

@@ -38,6 +38,12 @@ def metrics_of(name, *, ate, kept, truth=True):
         "alignment": {
             "alpha-beta [2]": {"translation_error_m": known(0.75), "rotation_error_deg": known(0.5), "ambiguous": None}
         },
+        "radio": {
+            "alpha-beta [2]": {
+                "certain": True, "reason": "", "yaw_sigma_deg": 2.25, "horizontal_sigma_m": 0.5, "height_sigma_m": 2.0,
+                "measurements_explained": 20, "links_used": 17,
+            }
+        },
         "seconds": {"filter": 0.5, "matching": 2.0, "total": 30.0},
         "bytes_exchanged": 2_000_000,
         "peak_rss_mb": 512.0,
@@ -62,6 +68,7 @@ def test_a_run_shows_its_figures_and_its_remarks_as_they_are_written():
     ):
         assert part in text
     assert "beta [2]" in text
+    assert "alignment certain; sigma 2.2° in yaw, 0.500 m on the ground, 2.000 m in height; 17 links used" in text
     assert "[bold]8 of 10[/bold] closures agree" in text
     assert "0.750 m and 0.50°" in text
 

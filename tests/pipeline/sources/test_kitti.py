@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.sources.folder import file_stamps
+from wiclosure.pipeline.sources.clouds.file_stamps import stamps_of_names
 from wiclosure.pipeline.sources.info import recording_info
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
@@ -50,6 +50,39 @@ def test_bad_times(kitti: Path, content: bytes | None, says: str) -> None:
         open_source(kitti)
     assert "times.txt" in str(caught.value)
     assert len(open_source(kitti / "velodyne")) == 6  # the way out
+
+
+def raw_drive(folder: Path, kept: list[int], blank: list[int], lines: int = 20) -> Path:
+    """Scans of these numbers; blank lines are scans that the drive misses."""
+    data = folder / "drive_sync" / "velodyne_points"
+    (data / "data").mkdir(parents=True)
+    for number in kept:
+        np.full((5, 4), number + 1, "<f4").tofile(data / "data" / f"{number:010d}.bin")
+    texts = ["" if k in blank else f"2011-09-26 13:02:{25 + k / 10:012.9f}" for k in range(lines)]
+    (data / "timestamps.txt").write_text("\n".join(texts) + "\n")
+    return folder / "drive_sync"
+
+
+@pytest.mark.parametrize(
+    ("kept", "blank"),
+    [
+        ([k for k in range(20) if k not in {6, 7, 8, 9}], [6, 7, 8, 9]),
+        ([0, 1, 2, 3, 12, 13], [6, 7, 8, 9]),
+        ([14, 15, 16, 17, 18, 19], [6, 7, 8, 9]),
+        ([0, 1], []),
+        ([18, 19], [0]),
+    ],
+)
+def test_the_number_of_a_scan_is_its_line_blank_ones_counted(tmp_path: Path, kept: list[int], blank: list[int]) -> None:
+    read = list(open_source(raw_drive(tmp_path, kept, blank)))
+    first_ns = int(np.datetime64("2011-09-26T13:02:25", "ns").astype(np.int64))
+    assert [scan.stamp_ns - first_ns for scan in read] == [k * 10**8 for k in kept]
+    assert [scan.points[0, 0] for scan in read] == [k + 1 for k in kept]
+
+
+def test_a_scan_whose_line_is_blank_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"19 times for 3 scans .*0000000006\.bin.* \(1 of its lines are blank\)"):
+        open_source(raw_drive(tmp_path, [4, 5, 6], [6]))
 
 
 def test_a_scan_of_odd_size(kitti: Path) -> None:
@@ -105,7 +138,7 @@ def test_info(kitti: Path) -> None:
     ],
 )
 def test_stamps_by_file_names(names: list[str], stamps_ns: list[int]) -> None:
-    assert file_stamps(names)[0].tolist() == stamps_ns
+    assert stamps_of_names(names).stamps_ns.tolist() == stamps_ns
 
 
 def test_files_are_taken_in_order_of_time(tmp_path: Path, scans: list[Scan]) -> None:

@@ -59,6 +59,24 @@ def test_a_closure_in_the_map_has_all_that_is_known_of_it(tmp_path: Path) -> Non
     assert tuple(row) == COLUMNS
 
 
+def test_poses_are_written_between_the_bodies_at_the_stamps(tmp_path: Path) -> None:
+    """Clouds belong to the ends of sweeps, here one metre further along x for both robots."""
+    clouds = {
+        robot: Trajectory(
+            robot, frames.stamps_ns + SECOND // 10, frames.poses @ se3.from_yaw(0.0, np.array([1.0, 0, 0]))
+        )
+        for robot, frames in KEYFRAMES.items()
+    }
+    T_query_match = se3.from_yaw(np.pi, np.array([5.0, 0, 0]))  # they face each other, 5 m apart
+    write_closures(
+        tmp_path / "closures.csv", [Closure.from_measurement(*ENDS, T_query_match, np.eye(6))], KEYFRAMES, clouds
+    )
+    with (tmp_path / "closures.csv").open(newline="", encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["query_stamp"], row["match_stamp"]) == ("0.500000000", "2.500000000")
+    assert float(row["x"]) == pytest.approx(7.0)
+
+
 def test_what_is_unknown_is_empty(tmp_path: Path) -> None:
     guessed, bare = rows(
         tmp_path,

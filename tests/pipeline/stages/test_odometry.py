@@ -10,15 +10,16 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from wiclosure.errors import InputError, ProcessError
+from wiclosure import se3
+from wiclosure.errors import ConfigError, InputError, ProcessError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.odometry import front_ends, left_out
-from wiclosure.types import Scan
+from wiclosure.pipeline.stages.odometry import front_ends, odometry_settings, remarks
+from wiclosure.types import Scan, Trajectory
 
 
 class Listed:
@@ -64,7 +65,7 @@ def test_unusable_scans_are_skipped_and_counted() -> None:
     source = robot([SCANS[0], SCANS[1], again, empty, back, SCANS[4]], announced=7)
     fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
     assert fronts["alpha"].odometry.stamps_ns.tolist() == [SCANS[k].stamp_ns for k in (0, 1, 4)]
-    assert left_out(source, fronts["alpha"]) == (
+    assert remarks(source, fronts["alpha"], Config()) == (
         "alpha: 1 of 6 scans have too few points in range and were skipped",
         "alpha: 2 of 6 scans have stamps that repeat or go back and were skipped",
         "alpha: only 6 of 7 announced scans could be read",
@@ -74,7 +75,7 @@ def test_unusable_scans_are_skipped_and_counted() -> None:
 def test_nothing_is_said_of_a_whole_recording() -> None:
     source = robot(SCANS)
     fronts, _ = front_ends([source], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
-    assert left_out(source, fronts["alpha"]) == ()
+    assert remarks(source, fronts["alpha"], Config()) == ()
 
 
 def test_no_usable_scan_names_the_robot() -> None:
@@ -169,3 +170,55 @@ def test_processes_give_the_same_result(tmp_path: Path, jobs: int) -> None:
     for name, front in alone.items():
         np.testing.assert_array_equal(together[name].odometry.poses, front.odometry.poses)
         np.testing.assert_array_equal(together[name].descriptors, front.descriptors)
+
+
+# ------------------------------------------------------------------------------------------------ settings of one robot
+def test_settings_of_a_robot_go_before_the_configurations() -> None:
+    config = Config.model_validate({"odometry": {"max_range_m": 60, "voxel_size_m": 0.5}})
+    alpha = replace(robot(SCANS), odometry_settings={"max_range_m": 30})
+    assert odometry_settings(alpha, config).max_range_m == 30
+    assert odometry_settings(alpha, config).voxel_size_m == 0.5
+    assert odometry_settings(robot(SCANS), config).max_range_m == 60
+    with pytest.raises(ConfigError, match=r"settings of robot alpha.*min_range_m 40"):
+        odometry_settings(replace(alpha, odometry_settings={"min_range_m": 40, "max_range_m": 30}), config)
+
+
+@pytest.mark.parametrize(
+    ("configured", "of_robot", "expected"), [(None, {}, 0.205), (0.0, {}, 0.0), (0.1, {}, 0.1), (0.1, 0.3, 0.3)]
+)
+def test_a_recordings_need_counts_where_nothing_is_set(
+    configured: float | None, of_robot: float | dict[str, float], expected: float
+) -> None:
+    config = Config.model_validate({"odometry": {"elevation_correction_deg": configured}})
+    own = {"elevation_correction_deg": of_robot} if of_robot else {}
+    kitti = replace(robot(SCANS), elevation_correction_deg=0.205, odometry_settings=own)
+    assert odometry_settings(kitti, config).elevation_correction_deg == expected
+
+
+def test_kittis_beams_are_turned_up_and_it_is_said(tmp_path: Path) -> None:
+    write_kitti_folder(tmp_path / "08", SCANS)
+    (kitti,) = open_inputs([f"alpha={tmp_path}/08"]).robots
+    fronts, _ = front_ends([kitti], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    assert "all beams are turned up by 0.205 degrees" in remarks(kitti, fronts["alpha"], Config())[0]
+    plain = Config.model_validate({"odometry": {"elevation_correction_deg": 0}})
+    level, _ = front_ends([kitti], plain, cache=StageCache(None), jobs=1, progress=NoProgress())
+    assert remarks(kitti, level["alpha"], plain) == ()
+    # Each point is lifted by 0.205 degrees of its distance; thinning takes other points, but as many here as there.
+    lifted, flat = (np.concatenate(front["alpha"].clouds) for front in (fronts, level))
+    expected = np.deg2rad(0.205) * np.hypot(*flat[:, :2].T).mean()
+    assert lifted[:, 2].mean() - flat[:, 2].mean() == pytest.approx(expected, rel=0.5)
+
+
+def test_scans_have_poses_at_their_own_stamps() -> None:
+    """Sweeps begin at the stamp, poses belong to their ends: in between the motion goes on evenly."""
+    way = Trajectory(
+        "alpha", 10**9 + np.arange(-2, 30) * 5 * 10**7, se3.from_yaw(0.0, np.arange(-2, 30)[:, None] * [0.05, 0, 0])
+    )
+    times = np.linspace(0, 0.1, 2000)
+    scans = [replace(scan, times=times) for scan in SCANS]
+    moving = replace(robot(scans), odometry=way)
+    fronts, _ = front_ends([moving], Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
+    front = fronts["alpha"]
+    assert front.scans.stamps_ns.tolist() == [scan.stamp_ns for scan in scans]
+    assert front.odometry.stamps_ns.tolist() == [scan.stamp_ns + 10**8 for scan in scans]
+    np.testing.assert_allclose(front.scans.poses, way.at(front.scans.stamps_ns), atol=1e-9)

@@ -18,7 +18,14 @@ from wiclosure.types import KeyframeId, Measured, RegistrationEvidence
 def front(robot: str, shift_m: float = 0.0) -> FrontEndResult:
     clouds = tuple(np.random.default_rng(k).normal(shift_m, 1, (5, 3)).astype(np.float32) for k in range(2))
     followed = OdometryResult(
-        np.array([1, 2]) * 10**9, np.tile(np.eye(4), (2, 1, 1)), np.array([0, 1]), clouds, FrontEndCounts(2), 0.0, 0.0
+        np.array([1, 2]) * 10**9,
+        np.array([1, 2]) * 10**9,
+        np.tile(np.eye(4), (2, 1, 1)),
+        np.array([0, 1]),
+        clouds,
+        FrontEndCounts(2),
+        0.0,
+        0.0,
     )
     return FrontEndResult.of(robot, DriftModel(), followed, Descriptors(np.zeros((2, 3, 4), np.float32), 0.0))
 

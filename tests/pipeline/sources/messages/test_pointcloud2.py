@@ -139,6 +139,12 @@ def test_bad_points_go_together_with_their_time_and_intensity(
         np.testing.assert_allclose(scan.times, np.flatnonzero(good) * 0.0025, atol=1e-9)
 
 
+def test_numbers_beyond_all_places_are_no_returns() -> None:
+    columns = xyz()
+    columns["y"][0, 7], columns["z"][0, 9] = 3e38, -1e9
+    assert len(decode(Cloud(columns)).points) == 48
+
+
 def test_a_point_on_an_axis_is_kept() -> None:
     columns = {axis: np.zeros((1, 3), "f4") for axis in "xyz"}
     columns["y"][0, 1] = 5
@@ -249,8 +255,8 @@ def test_many_late_points_are_part_of_the_sweep() -> None:
     assert len(scan.times) == 500
 
 
-def test_a_header_without_stamp_takes_the_time_of_reception() -> None:
-    assert PointCloud2Decoder().decode(Cloud(xyz(), stamp_ns=0).message(), received_ns=77).stamp_ns == 77
+def test_a_stamp_may_be_given_in_the_place_of_the_headers() -> None:
+    assert PointCloud2Decoder().decode(Cloud(xyz()).message(), stamp_ns=77).stamp_ns == 77
 
 
 def test_a_wrong_row_step_of_a_flat_cloud_does_not_matter() -> None:

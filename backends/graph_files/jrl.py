@@ -1,0 +1,170 @@
+"""JSON Robot Logs (JRL): multi-robot graphs with the labels of their loops, as COSMO-Bench has them.
+
+McGann et al., the format's description in the repository `DanMcGann/jrl`: keys are GTSAM's symbols, quaternions are
+w x y z, covariances are full matrices row by row with rotation first (planar: x y theta).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wiclosure.backends.graph_files.open import read_bytes
+from wiclosure.backends.graph_files.records import (
+    Edge,
+    FileRecords,
+    Remarks,
+    Vertex,
+    from_planar,
+    from_quaternions,
+    lifted_information,
+    require_key,
+)
+from wiclosure.errors import InputError
+from wiclosure.types import FloatArray
+
+Json = Any  # what a file may hold
+RELATIVE_POSES = ("BetweenFactorPose2", "BetweenFactorPose3")
+PRIORS = ("PriorFactorPose2", "PriorFactorPose3")
+UNKNOWN = np.full((4, 4), np.nan)
+WXYZ_TO_XYZW = (1, 2, 3, 0)
+
+
+def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
+    """Poses and relative poses of a robot log; ranges, bearings and landmarks are counted and left out.
+
+    A prior of a pose is its first guess where the log has no other.
+
+    Raises:
+        InputError: the file cannot be read, or is no robot log.
+    """
+    log = _loaded(path)
+    records = FileRecords(path, name, is_robot_log=True)
+    try:
+        records.title = str(log.get("name", name))
+        guesses = list(_guesses(path, log.get("initialization") or {}, records))
+        priors = _add_measurements(records, log)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        raise InputError(
+            f"{path} is no JSON Robot Log ({type(error).__name__}: {str(error)[:100]}); expected name, robots,"
+            " measurements as in its description"
+        ) from error
+    joined = {key: Vertex(key, edge.place, UNKNOWN) for edge in records.edges for key in (edge.first, edge.second)}
+    records.vertices += (joined | priors | {vertex.key: vertex for vertex in guesses}).values()
+    return records
+
+
+def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, Vertex]:
+    """Adds all relative poses with their labels; returns priors of poses by key."""
+    doubtful, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
+    priors: dict[int, Vertex] = {}
+    records.planar = True
+    for factor, measurement in _measurements(log["measurements"]):
+        kind = str(measurement["type"])
+        place = "{}, robot {}, entry {}, measurement {}".format(records.path, *factor)
+        planar = kind.endswith("Pose2")
+        if kind in RELATIVE_POSES:
+            records.planar &= planar
+            records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, doubtful, false))
+        elif kind in PRIORS:
+            vertex = _vertex(place, measurement["prior"], measurement["key"], planar=planar)
+            priors.setdefault(vertex.key, vertex)
+        else:
+            records.ignored[kind[:40]] += 1
+    return priors
+
+
+def _loaded(path: Path) -> dict[str, Json]:
+    content = read_bytes(path)
+    try:
+        log = _from_cbor(path, content) if ".cbor" in path.suffixes else json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no JSON: {str(error)[:100]}; the file is cut?") from error
+    if not isinstance(log, dict) or not isinstance(log.get("measurements"), dict):
+        raise InputError(f"{path} is no JSON Robot Log: it has no measurements by robot")
+    return log
+
+
+def _from_cbor(path: Path, content: bytes) -> Json:
+    try:
+        import cbor2
+    except ImportError as error:
+        raise InputError(f"{path}: reading CBOR needs the package cbor2 (pip install wiclosure[cbor])") from error
+    try:
+        return cbor2.loads(content)
+    except cbor2.CBORDecodeError as error:
+        raise InputError(f"{path} is no CBOR: {str(error)[:100]}; the file is cut?") from error
+
+
+def _labels(listed: Json) -> set[tuple[str, int, int]] | None:
+    """Factors by robot, entry and place in the entry; None where the file has no such list."""
+    if listed is None:
+        return None
+    return {(robot, int(entry), int(n)) for robot, pairs in listed.items() for entry, n in pairs or ()}
+
+
+def _measurements(robots: dict[str, Json]) -> Iterator[tuple[tuple[str, int, int], Json]]:
+    for robot, entries in robots.items():
+        for entry, content in enumerate(entries or ()):
+            for n, measurement in enumerate(content.get("measurements") or ()):
+                yield (robot, entry, n), measurement
+
+
+def _guesses(path: Path, values: dict[str, Json], records: FileRecords) -> Iterator[Vertex]:
+    for robot, of_robot in values.items():
+        for value in of_robot or ():
+            if value["type"] not in ("Pose2", "Pose3"):
+                records.ignored[value["type"]] += 1
+                continue
+            place = f"{path}, initialization of {robot}"
+            yield _vertex(place, value, value["key"], planar=value["type"] == "Pose2")
+
+
+def _vertex(place: str, value: Json, key: Json, *, planar: bool) -> Vertex:
+    T, _ = _pose(value, planar=planar)
+    return Vertex(require_key(int(key), place), place, T)
+
+
+def _edge(place: str, measurement: Json, *, planar: bool) -> Edge:
+    T, defect = _pose(measurement["measurement"], planar=planar)
+    first, second = (require_key(int(measurement[word]), place) for word in ("key1", "key2"))
+    return Edge(first, second, place, T, _information(measurement["covariance"], planar=planar), defect)
+
+
+def _pose(value: Json, *, planar: bool) -> tuple[FloatArray, str]:
+    if planar:
+        poses, defects = from_planar(np.array([[value["x"], value["y"], value["theta"]]], float))
+    else:
+        quaternion = [value["rotation"][n] for n in WXYZ_TO_XYZW]
+        poses, defects = from_quaternions(np.array([[*value["translation"], *quaternion]], float).reshape(1, 7))
+    return poses[0], defects[0]
+
+
+def _information(covariance: Json, *, planar: bool) -> FloatArray:
+    """`(6, 6)`, rotation first; not finite where there is no inverse."""
+    size = 3 if planar else 6
+    stated = np.array(covariance, float).reshape(size, size)
+    try:
+        information = np.linalg.inv(0.5 * (stated + stated.T))
+    except np.linalg.LinAlgError:
+        information = np.full((size, size), np.nan)
+    return lifted_information(information[None])[0] if planar else information
+
+
+def _labelled(
+    edge: Edge,
+    factor: tuple[str, int, int],
+    doubtful: set[tuple[str, int, int]] | None,
+    false: set[tuple[str, int, int]] | None,
+) -> Edge:
+    return replace(
+        edge,
+        factor=factor,
+        may_be_false=None if doubtful is None else factor in doubtful,
+        is_false=None if false is None else factor in false,
+    )

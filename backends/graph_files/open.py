@@ -1,0 +1,42 @@
+"""The text or the bytes of a graph's file, packed or not."""
+
+from __future__ import annotations
+
+import gzip
+import lzma
+import zlib
+from pathlib import Path
+
+from wiclosure.errors import InputError
+
+PACKED = {".gz": gzip.decompress, ".xz": lzma.decompress}
+
+
+def read_bytes(path: Path) -> bytes:
+    """What stands in the file, unpacked if it ends in .gz or .xz.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the graph {path}: {error.strerror}; check the path") from error
+    unpack = PACKED.get(path.suffix.lower())
+    try:
+        return content if unpack is None else unpack(content)
+    except (OSError, EOFError, lzma.LZMAError, zlib.error) as error:
+        raise InputError(f"cannot unpack the graph {path}: {error}; the file is cut or damaged") from error
+
+
+def read_text(path: Path) -> str:
+    """The same as text; bytes that are none become replacement characters, which no number holds."""
+    return read_bytes(path).decode("utf-8-sig", errors="replace")
+
+
+def stem(path: Path) -> str:
+    """The file's name without what tells its format: `sphere` of `sphere.g2o.xz`."""
+    name = path.name
+    for suffix in (".xz", ".gz", ".cbor", ".g2o", ".jrl", ".json", ".graph", ".txt"):
+        name = name.removesuffix(suffix) or name
+    return name

@@ -1,0 +1,1 @@
+"""Does a radio log fit the robots' trajectories: units, clock, axes; what is suspected, and how to correct it."""

@@ -1,0 +1,1 @@
+"""Clouds in single files, a module a format."""

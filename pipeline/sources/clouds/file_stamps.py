@@ -1,0 +1,103 @@
+"""Stamps and order of clouds in single files, by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wiclosure.formats.stamps import nanoseconds
+from wiclosure.types import IntArray
+
+PERIOD_NS = 100_000_000  # 10 Hz, the usual rate of spinning LiDARs
+_UNITS_NS = ((10**17, 1), (10**14, 10**3), (10**11, 10**6), (10**8, 10**9))
+"""A whole number at least this large is a date in units of so many nanoseconds; a smaller one is a frame number."""
+
+
+class FileStamps(NamedTuple):
+    """Stamps `(N,)` in nanoseconds, how they were found in words, and whether they are made up."""
+
+    stamps_ns: IntArray
+    how: str
+    made_up: bool = False
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Sorts names by the numbers in them: `_2` before `_10`."""
+    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"([0-9]+)", name)]
+
+
+def stamps_of_names(names: Sequence[str]) -> FileStamps:
+    """Stamps by file names without suffix, in natural order.
+
+    Words before and after the numbers are no matter where all names share them.  `1317042272.123456789` and
+    `1317042272_123456789` are seconds and their fraction; whole numbers of the size of a date are s, ms, us or ns since
+    1970; smaller ones are frame numbers at 10 Hz.  Other names are taken in natural order at 10 Hz.
+
+    A fraction is not always written with all its zeros: `1317042272_5000000` may mean 0.005 s.  Of what it may mean
+    (decimals, nanoseconds, microseconds), that is taken which puts the scans most evenly.
+    """
+    parts = [re.split(r"([0-9]+)", name) for name in names]
+    if len({tuple(part[0::2]) for part in parts}) == 1:
+        words = parts[0][0::2]
+        numbers = [[part[column] for part in parts] for column in range(1, len(parts[0]), 2)]
+        return _by_numbers(words, numbers)
+    return _counted(len(names), "natural order of their names")
+
+
+def _by_numbers(words: Sequence[str], numbers: Sequence[Sequence[str]]) -> FileStamps:
+    """By columns of numbers; `words` stand before, between and after them."""
+    for column, texts in enumerate(numbers):
+        follows = column + 1 < len(numbers) and words[column + 1] in {".", "_", "-"}
+        if follows and (_unit_ns(texts) == 10**9 or all(len(text) == 9 for text in numbers[column + 1])):
+            return _seconds_and_fraction(texts, numbers[column + 1], decimal=words[column + 1] == ".")
+    for texts in numbers:
+        if (unit_ns := _unit_ns(texts)) is not None and min(map(int, texts)) > 0:
+            return FileStamps(np.array([int(text) * unit_ns for text in texts], np.int64), "file names, since 1970")
+    if len(numbers) == 2 and list(words) == ["", ".", ""]:
+        seconds = [f"{whole}.{fraction}" for whole, fraction in zip(*numbers, strict=True)]
+        return FileStamps(np.array([nanoseconds(text) for text in seconds], np.int64), "file names, seconds")
+    differing = [texts for texts in numbers if len(set(texts)) > 1] or list(numbers)
+    if len(differing) == 1 and len(set(map(int, differing[0]))) == len(differing[0]):
+        frames = np.array([int(text) for text in differing[0]], np.int64)
+        return FileStamps(frames * PERIOD_NS, "frame numbers at 10 Hz", made_up=True)
+    return _counted(len(numbers[0]) if numbers else 1, "natural order of their names")
+
+
+def _seconds_and_fraction(seconds: Sequence[str], fractions: Sequence[str], *, decimal: bool) -> FileStamps:
+    """By whole seconds and what follows them."""
+    whole_ns = np.array([int(text) * 10**9 for text in seconds], np.int64)
+    meanings: dict[str, Callable[[str], int]] = {
+        "decimals": lambda text: int(text[:9].ljust(9, "0")),
+        "nanoseconds": int,
+        "microseconds": lambda text: int(text) * 1000,
+    }
+    if max(map(len, fractions)) > 6:
+        del meanings["microseconds"]
+    if min(map(len, fractions)) == 9:
+        del meanings["decimals"]
+    read = {how: whole_ns + np.array([mean(text) for text in fractions], np.int64) for how, mean in meanings.items()}
+    first = "decimals" if decimal else "nanoseconds"
+    order = sorted(read, key=lambda how: (round(_unevenness(read[how]), 3), how != first))
+    return FileStamps(read[order[0]], f"file names, seconds and {order[0]}")
+
+
+def _unevenness(stamps_ns: IntArray) -> float:
+    """The mean departure of the steps from the middle one, as a share of it; huge where stamps repeat."""
+    steps = np.diff(np.sort(stamps_ns)).astype(float)
+    if len(steps) == 0:
+        return 0.0
+    middle = float(np.median(steps))
+    return float(np.abs(steps - middle).mean()) / middle if middle > 0 and steps.min() > 0 else 1e9
+
+
+def _unit_ns(texts: Sequence[str]) -> int | None:
+    """Nanoseconds per unit of numbers of the size of a date."""
+    smallest = min(map(int, texts))
+    return next((unit for size, unit in _UNITS_NS if smallest >= size), None)
+
+
+def _counted(count: int, how: str) -> FileStamps:
+    return FileStamps(np.arange(count, dtype=np.int64) * PERIOD_NS, f"{how} at 10 Hz", made_up=True)

@@ -1,0 +1,107 @@
+"""Point clouds compressed by Draco, as `point_cloud_transport` records them; needs DracoPy (the extra `draco`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.messages.field_names import intensity_field, time_fields
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage
+from wiclosure.pipeline.sources.messages.point_times import PointClock
+from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns, timed_scan
+from wiclosure.types import Scan
+
+DRACO_TYPE = "point_cloud_interfaces/msg/CompressedPointCloud2"
+DEFINITION = """std_msgs/Header header
+uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] compressed_data
+bool is_dense
+string format
+"""
+
+_POSITION = 0  # Draco's number of this kind of attribute
+_MERGED = {"x": ("x", "y", "z"), "nx": ("nx", "ny", "nz"), "normal_x": ("normal_x", "normal_y", "normal_z")}
+
+
+class CompressedCloud(Protocol):
+    """`point_cloud_interfaces/CompressedPointCloud2`, as rosbags makes it."""
+
+    @property
+    def header(self) -> HeaderMessage: ...  # noqa: D102  -- named by ROS
+    @property
+    def fields(self) -> Sequence[PointFieldMessage]: ...  # noqa: D102
+
+    format: str
+    compressed_data: NDArray[np.uint8]
+
+
+class DracoDecoder:
+    """Decodes the messages of one topic.
+
+    Args:
+        place: what is read, for the log.
+        period_s: seconds from scan to scan, where they are known.
+    """
+
+    def __init__(self, place: str = "", period_s: float | None = None) -> None:
+        self._clock = PointClock(place, period_s)
+
+    def decode(self, cloud: CompressedCloud, stamp_ns: int) -> Scan:
+        """The returns of one message.
+
+        Raises:
+            InputError: DracoPy is missing, the data are compressed otherwise, or damaged.
+        """
+        if len(cloud.compressed_data) == 0:
+            return Scan(stamp_ns, np.zeros((0, 3)))
+        if cloud.format != "draco":
+            raise InputError(
+                f"the clouds are compressed as {cloud.format!r}; only draco can be read. Decompress them with"
+                " point_cloud_transport's republish"
+            )
+        columns = _columns(cloud)
+        points = columns.pop("x").astype(np.float64)
+        keep = are_returns(*points.T)
+        time, intensity = next(iter(time_fields(columns)), None), intensity_field(columns)
+        return timed_scan(
+            self._clock,
+            stamp_ns,
+            points[keep],
+            None if time is None else columns[time][keep, 0],
+            None if intensity is None else columns[intensity][keep, 0],
+        )
+
+
+def _columns(cloud: CompressedCloud) -> dict[str, NDArray[Any]]:
+    """Arrays `(N, components)` by field; `x` holds the points `(N, 3)`."""
+    try:
+        import DracoPy
+    except ImportError as error:
+        raise InputError(
+            "the clouds are compressed by Draco; install DracoPy (pip install 'wiclosure[draco]'), or decompress them"
+            " with point_cloud_transport's republish"
+        ) from error
+    try:
+        attributes = DracoPy.decode(bytes(cloud.compressed_data)).attributes
+    except Exception as error:  # of its own kinds, and ValueError
+        raise InputError(f"the compressed cloud cannot be decoded: {error}") from error
+    # Its writer makes an attribute of each field, in their order; x y z, and normals, become one.
+    merged = {name for names in _MERGED.values() for name in names[1:]}
+    names = [field.name for field in cloud.fields if field.name.lower() not in merged]
+    by_order = list(attributes)
+    if len(names) != len(by_order) or not any(a["attribute_type"] == _POSITION for a in by_order):
+        found = [a for a in by_order if a["attribute_type"] == _POSITION]
+        if not found:
+            raise InputError("the compressed cloud holds no positions; choose another topic")
+        return {"x": np.asarray(found[0]["data"]).reshape(-1, 3)}
+    arrays = {n.lower(): np.asarray(a["data"]) for n, a in zip(names, by_order, strict=True)}
+    return {name: array.reshape(len(array), -1) for name, array in arrays.items()}

@@ -1,0 +1,1 @@
+"""Where robots and sensors are, by the messages of a bag."""

@@ -1,0 +1,64 @@
+"""Trajectories as EuRoC writes its ground truth: comma separated, `stamp [ns], x, y, z, qw, qx, qy, qz, ...` a line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.drift import DriftModel
+from wiclosure.errors import InputError
+from wiclosure.types import Trajectory
+
+_COLUMNS = 8  # further ones (velocity, biases) are not used
+_EARLIEST_NS = 10**14  # a whole number below this counts no nanoseconds since 1970
+
+
+def is_euroc(line: str) -> bool:
+    """Whether a line of data is EuRoC's: at least eight numbers between commas, the first whole nanoseconds."""
+    words = [word.strip() for word in line.split(",")]
+    return len(words) >= _COLUMNS and words[0].isdecimal() and int(words[0]) >= _EARLIEST_NS
+
+
+def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
+    """The trajectory in a EuRoC file (`state_groundtruth_estimate0/data.csv`).
+
+    Args:
+        path: the file; lines that begin with `#`, and a line of names, are passed over.
+        robot: name that the trajectory carries.
+        drift: drift model that the trajectory carries.
+
+    Raises:
+        InputError: the file cannot be read, or a line is malformed, not finite, or goes back in time.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read the trajectory {path}: {error}; check the file") from error
+    stamps_ns: list[int] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or line.lstrip().startswith("#") or (not rows and not is_euroc(line)):
+            continue
+        words = [word.strip() for word in line.split(",")]
+        try:
+            row = [float(word) for word in words[1:_COLUMNS]]
+            stamp_ns = int(words[0])
+        except (ValueError, IndexError):
+            row, stamp_ns = [], 0
+        if len(row) < _COLUMNS - 1 or not np.isfinite(row).all() or np.linalg.norm(row[3:]) < 1e-9:
+            raise InputError(f"{path}, line {number}: expected stamp [ns], x, y, z, qw, qx, qy, qz")
+        if stamps_ns and stamp_ns < stamps_ns[-1]:
+            raise InputError(f"{path}, line {number}: stamp {stamp_ns} is before the one above; sort the file")
+        if not stamps_ns or stamp_ns > stamps_ns[-1]:
+            stamps_ns.append(stamp_ns)
+            rows.append(row)
+    if not rows:
+        raise InputError(f"{path} holds no poses; expected stamp [ns], x, y, z, qw, qx, qy, qz a line")
+    numbers = np.array(rows)
+    rotation = Rotation.from_quat(numbers[:, [4, 5, 6, 3]]).as_matrix()
+    poses = se3.from_rotation_translation(rotation, numbers[:, :3])
+    return Trajectory(robot, np.array(stamps_ns, np.int64), poses, drift or DriftModel())

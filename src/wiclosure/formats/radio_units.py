@@ -1,0 +1,98 @@
+"""Units of lengths, times and angles in radio logs, and their conversion to metres, nanoseconds and radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
+from typing import Literal, TypeAlias
+
+LengthUnit: TypeAlias = Literal["m", "mm", "cm", "dm", "km", "ft"]
+TimeUnit: TypeAlias = Literal["auto", "s", "ms", "us", "ns"]
+AngleUnit: TypeAlias = Literal["rad", "deg"]
+AzimuthZero: TypeAlias = Literal["forward", "left", "back", "right"]
+ElevationZero: TypeAlias = Literal["horizontal", "up"]
+
+METRES: Mapping[LengthUnit, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "ft": 0.3048}
+NANOSECONDS: Mapping[TimeUnit, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+_ZERO_RAD: Mapping[AzimuthZero, float] = {
+    "forward": 0.0,
+    "left": math.pi / 2,
+    "back": math.pi,
+    "right": -math.pi / 2,
+}
+_LATEST_NS = 2**63 - 1
+
+
+def metres(value: float, unit: LengthUnit) -> float:
+    """A length; millimetres and the like divide by a whole number, so that 20534 mm is 20.534 m to the last digit."""
+    factor = METRES[unit]
+    return value / round(1 / factor) if unit in {"mm", "cm", "dm"} else value * factor
+
+
+def stamp_unit_of(value: Decimal) -> TimeUnit:
+    """The unit of a time since 1970, told by its size; times since a start-up are taken for seconds."""
+    size = abs(value)
+    if size >= 10**17:
+        return "ns"
+    if size >= 10**14:
+        return "us"
+    return "ms" if size >= 10**11 else "s"
+
+
+def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
+    """Exact nanoseconds of a time, or of a date and time as ISO 8601 writes them (UTC where no zone is named).
+
+    Raises:
+        ValueError: not a time, or too large for 64 bits.
+    """
+    try:
+        number = value if isinstance(value, Decimal) else Decimal(str(value).strip())
+    except InvalidOperation:
+        return _date_ns(str(value))
+    if not number.is_finite():
+        raise ValueError(f"{value!r} is no time")
+    if number.adjusted() > 19 or abs(number) > _LATEST_NS:
+        raise ValueError(f"{str(value)[:40]!r} does not fit 64 bits of nanoseconds")
+    scaled = round(number * NANOSECONDS[stamp_unit_of(number) if unit == "auto" else unit])
+    if abs(scaled) > _LATEST_NS:
+        raise ValueError(f"{str(value)[:40]!r} does not fit 64 bits of nanoseconds")
+    return scaled
+
+
+def _date_ns(text: str) -> int:
+    """`2024-05-01T10:00:00.123456789Z`; datetime keeps microseconds, so the fraction is read apart."""
+    if ":" not in text:
+        raise ValueError(f"{text[:40]!r} is no time")
+    head, point, tail = text.strip().partition(".")
+    digits = tail[: len(tail) - len(tail.lstrip("0123456789"))]
+    try:
+        moment = datetime.fromisoformat(head + tail[len(digits) :])
+    except ValueError:
+        raise ValueError(f"{text[:40]!r} is no time") from None
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
+    whole_s = since.days * 86_400 + since.seconds
+    fraction_ns = round(Decimal(f"0.{digits}") * 10**9) if point and digits else 0
+    return whole_s * 10**9 + fraction_ns
+
+
+def radians(value: float, unit: AngleUnit) -> float:
+    """An angle."""
+    return math.radians(value) if unit == "deg" else value
+
+
+def azimuth_rad(value: float, unit: AngleUnit, zero: AzimuthZero, *, clockwise: bool) -> float:
+    """Azimuth counter-clockwise from x forward, of one counted from another axis or the other way round."""
+    angle = radians(value, unit)
+    if zero == "forward" and not clockwise:
+        return angle
+    turned = (-angle if clockwise else angle) + _ZERO_RAD[zero]
+    return math.remainder(turned, 2 * math.pi)
+
+
+def elevation_rad(value: float, unit: AngleUnit, zero: ElevationZero) -> float:
+    """Elevation up from the horizontal plane, of one counted from there or down from straight up."""
+    angle = radians(value, unit)
+    return math.pi / 2 - angle if zero == "up" else angle

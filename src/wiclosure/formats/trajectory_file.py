@@ -1,0 +1,50 @@
+"""Trajectories in files of any kind that is known: TUM, EuRoC, KITTI poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from wiclosure.drift import DriftModel
+from wiclosure.errors import InputError
+from wiclosure.formats.euroc import is_euroc, read_euroc
+from wiclosure.formats.tum import read_tum
+from wiclosure.types import Trajectory
+
+TrajectoryKind: TypeAlias = Literal["tum", "euroc", "kitti"]
+
+
+def trajectory_kind(path: Path) -> TrajectoryKind:
+    """What kind a file is, by its first line of numbers; `tum` where nothing tells.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            for line in file:
+                words = line.partition("#")[0].split()
+                if is_euroc(line):
+                    return "euroc"
+                if words and words[0][0] in "+-.0123456789":
+                    return "kitti" if len(words) in {12, 13, 16, 17} and "," not in line else "tum"
+    except OSError as error:
+        raise InputError(f"cannot read the trajectory {path}: {error.strerror}; check the path") from error
+    return "tum"
+
+
+def read_trajectory(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
+    """The trajectory in a TUM or EuRoC file.
+
+    Raises:
+        InputError: the file cannot be read, or holds KITTI poses, which carry no stamps.
+    """
+    path = Path(path)
+    match trajectory_kind(path):
+        case "euroc":
+            return read_euroc(path, robot, drift)
+        case "kitti":
+            raise InputError(
+                f"{path} holds KITTI poses, which carry no stamps; give a TUM file (stamp x y z qx qy qz qw)"
+            )
+    return read_tum(path, robot, drift)
