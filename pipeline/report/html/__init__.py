@@ -5,7 +5,15 @@ from wiclosure.pipeline.report.html.report import (
     write_again,
     write_comparison_report,
     write_filter_report,
+    write_optimisation_report,
     write_run_report,
 )
 
-__all__ = ["Arm", "write_again", "write_comparison_report", "write_filter_report", "write_run_report"]
+__all__ = [
+    "Arm",
+    "write_again",
+    "write_comparison_report",
+    "write_filter_report",
+    "write_optimisation_report",
+    "write_run_report",
+]

@@ -32,11 +32,12 @@ def _false_closures(result: RunResult) -> list[str]:
     false = result.metrics["closures"]["accepted_false"]
     if not false:
         return []
-    pcm = result.config.pcm
+    config = result.config
     return [
         f"{false} accepted closures are false by ground truth: choose them under Closures and look at their scans."
-        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now {pcm.min_clique_size}) or"
-        f" pcm.min_extent_m (now {pcm.min_extent_m:g})."
+        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now"
+        f" {config.pcm.min_clique_size}) or registration.min_inlier_ratio (now"
+        f" {config.registration.min_inlier_ratio:g})."
     ]
 
 

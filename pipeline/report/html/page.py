@@ -9,9 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from wiclosure import __version__
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.report.html.packing import sharing, without_sharing
+from wiclosure.version import __version__
 
 PAGE = "report.html"
 _BEGIN, _END = '<script type="application/json" id="report-data">', "</script>"

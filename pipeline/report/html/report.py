@@ -10,10 +10,12 @@ from typing import Any
 from wiclosure.errors import InputError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.report.html.filter_data import filter_data
+from wiclosure.pipeline.report.html.optimisation_data import optimisation_data
 from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
 from wiclosure.pipeline.report.html.run_data import run_data
 from wiclosure.pipeline.report.html.scene_data import fewer_points
 from wiclosure.pipeline.report.html.side_by_side import side_by_side
+from wiclosure.pipeline.stages.optimising import Merged
 from wiclosure.pipeline.stages.run import RunResult
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 
@@ -51,6 +53,16 @@ def write_filter_report(
     data = filter_data(result, trajectories, wireless, config)
     title = f"{_names(data)}: pairs that the filter {result.filter_name} keeps"
     write_page(folder / PAGE, {"kind": "filter", "title": title, "runs": [data]})
+
+
+def write_optimisation_report(folder: Path, merged: Merged, config: Config) -> None:
+    """Writes `report.html` of merged graphs into their folder.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    data = optimisation_data(merged, config)
+    write_page(folder / PAGE, {"kind": "optimisation", "title": f"{_names(data)}: merged graphs", "runs": [data]})
 
 
 def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequence[Arm]) -> None:

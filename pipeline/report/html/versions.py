@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-from wiclosure import __version__
+from wiclosure.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "gtsam", "kiss-icp", "small-gicp", "open3d", "rosbags")
 

@@ -12,6 +12,7 @@ import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeome
 import { decode } from "./decode.js";
 import { el, figure, name, palette, toggles } from "./dom.js";
 import { nearest } from "./picking.js";
+import { report } from "./report.js";
 
 ColorManagement.enabled = false; // colours as the page has them, no lighting
 const LAYERS = ["map", "paths", "keyframes", "accepted", "rejected", "radio", "truth", "before", "chosen"];
@@ -181,7 +182,7 @@ function controlsBar({ run, groups, map, draw, look }) {
     shown,
     toggles("Robots", robots),
     run.map || has("accepted") || run.robots.length > 1
-      ? toggles("When", [{ label: "after merging", checked: true, value: "after", change: when(false) },
+      ? toggles("When", [{ label: report.kind === "filter" ? "as the radio aligns them" : "after merging", checked: true, value: "after", change: when(false) },
           { label: "before: each robot in its own frame", value: "before", change: when(true) }], { type: "radio", group: "when" })
       : null,
     colouring,
