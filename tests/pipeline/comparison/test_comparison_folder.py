@@ -32,5 +32,6 @@ def test_tables_pictures_and_page_of_all_arms(
         "loose none",
         "loose wiclosure",
     ]
+    assert report["look_at"] == 1
     side_by_side = report["tables"][0]
     assert side_by_side["header"][1:] == [run["name"] for run in report["runs"]]
