@@ -132,6 +132,11 @@ def save(figure: Figure, path: Path) -> None:
     """
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
+        for text in (axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts):
+            text.set_parse_math(False)  # names from recordings are no formulas
+    for legend in figure.legends:
+        for text in legend.get_texts():
+            text.set_parse_math(False)
     try:
         figure.savefig(path, dpi=DPI)
     except OSError as error:

@@ -88,3 +88,11 @@ def test_any_number_of_arms_is_drawn_even_without_truth_or_closures(tmp_path, ar
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(OutputError, match="nowhere"):
         draw_run(tmp_path / "nowhere" / "picture.png", VIEW)
+
+
+def test_names_that_look_like_formulas_are_names(tmp_path):
+    name = r"a$\frac$b_{"
+    odd = replace(VIEW, odometry={name: RING, "beta": RING}, paths={name: RING}, truth={})
+    draw_merged(tmp_path / "t.png", {name: odd})
+    draw_run(tmp_path / "u.png", odd)
+    assert share_of(pixels(tmp_path / "t.png"), ALPHA) > 3e-4
