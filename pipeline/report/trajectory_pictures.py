@@ -89,7 +89,7 @@ def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
         axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=3)
     _draw_closures(axes, view.closures[~view.false], INK, ".", "accepted closure")
     _draw_closures(axes, view.closures[view.false], FALSE, "x", "accepted and false")
-    error = "" if view.ate_m is None else f", ATE {view.ate_m:.3g} m"
+    error = "" if view.ate_m is None else ", ATE " + f"{view.ate_m:#.3g}".rstrip(".") + " m"
     false = f", {view.false.sum()} of them false" if view.false.any() else ""
     axes.set_title(f"{title}\n{len(view.closures)} closures{false}{error}", fontsize=11)
     if apart := [robot for robot in view.odometry if robot not in view.paths]:
