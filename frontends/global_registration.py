@@ -70,7 +70,7 @@ class _KissMatcher:
 
 
 def _has_features(points: FloatArray, voxel_m: float) -> bool:
-    """Whether enough of the points `(N, 3)` have neighbours to be described by: of clouds without, KISS-Matcher dies."""
+    """Whether enough of the points `(N, 3)` have neighbours to be described by; without, KISS-Matcher crashes."""
     from scipy.spatial import cKDTree
 
     if len(points) < _FEWEST_FEATURES:
