@@ -35,8 +35,7 @@ def _false_closures(result: RunResult) -> list[str]:
     pcm = result.config.pcm
     return [
         f"{false} accepted closures are false by ground truth: choose them under Closures and look at their scans."
-        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now {pcm.min_clique_size}) or"
-        f" pcm.min_extent_m (now {pcm.min_extent_m:g})."
+        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now {pcm.min_clique_size})."
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure import __version__, se3
+from wiclosure import se3
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.closures import ClosureJudge
@@ -125,7 +125,7 @@ def _tracks(result: RunResult, alignment: FrameAlignment, placement: Placement) 
 
 def versions() -> dict[str, str]:
     """Of this program, of Python and of what the figures depend on."""
-    found = {"wiclosure": __version__, "python": platform.python_version()}
+    found = {"wiclosure": version("wiclosure"), "python": platform.python_version()}
     for package in _PACKAGES:
         try:
             found[package] = version(package)
