@@ -37,7 +37,7 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "reason": alignment.reason,
         "heading_knowledge": alignment.heading_knowledge,
         "log_likelihood": None if best is None else best.log_likelihood,
-        "paths_kept": [] if best is None else [list(kept) for kept in best.paths_kept],
+        "paths_kept": [] if best is None else [list(map(int, kept)) for kept in best.paths_kept],
         "runner_up": None if alignment.runner_up is None else _hypothesis(alignment.runner_up),
         "rivals": [_hypothesis(rival) for rival in alignment.rivals],
     }
@@ -47,7 +47,7 @@ def _hypothesis(hypothesis: AlignmentHypothesis) -> dict[str, Any]:
     return {
         "T_a_b": _numbers(hypothesis.T_a_b),
         "log_likelihood": hypothesis.log_likelihood,
-        "paths_kept": [list(kept) for kept in hypothesis.paths_kept],
+        "paths_kept": [list(map(int, kept)) for kept in hypothesis.paths_kept],
     }
 
 

@@ -36,16 +36,18 @@ def nanoseconds(seconds: str) -> int:
 def nanoseconds_of_column(seconds: NDArray[np.bytes_]) -> IntArray:
     """Exact nanoseconds `(N,)` of a column of decimal seconds, as bytes.
 
-    Plain decimals (`12.300000000`) are parsed for all rows at once; exponents and signs take the slow way.
+    Plain decimals (`12.300000000`) are parsed for all rows at once; exponents and signs row by row.
 
     Raises:
         ValueError: some row is not a finite number, or too large.
     """
+    if not len(seconds):
+        return np.zeros(0, np.int64)
     characters = np.ascontiguousarray(seconds).view(np.uint8).reshape(len(seconds), -1)
     whole, _, fraction = np.strings.partition(seconds, b".")
     if not _PLAIN[characters].all() or (np.strings.str_len(whole) == 0).any() or whole.dtype.itemsize == 0:
         return np.array([nanoseconds(row.decode()) for row in seconds], np.int64)
-    if len(whole) and np.strings.str_len(whole).max() > 9 + 1:  # beyond the year 2286: let the slow way judge
+    if np.strings.str_len(whole).max() > 9 + 1:  # beyond the year 2286
         return np.array([nanoseconds(row.decode()) for row in seconds], np.int64)
     if (np.strings.find(fraction, b".") >= 0).any():
         raise ValueError("a number with two decimal points")
