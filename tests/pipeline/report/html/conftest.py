@@ -204,7 +204,7 @@ def _front(path: Trajectory, rng: np.random.Generator, cloud_points: int) -> Fro
     indices = np.arange(len(path))
     counts = FrontEndCounts(len(path))
     descriptors = np.zeros((len(path), 2, 3), np.float32)
-    return FrontEndResult(path.robot, path, indices, path, clouds, descriptors, counts, 0.0, 3.0, 0.1)
+    return FrontEndResult(path.robot, path, path, indices, path, clouds, descriptors, counts, 0.0, 3.0, 0.1)
 
 
 def _map(rng: np.random.Generator, merged: dict[str, Trajectory], joined: Sequence[str], map_points: int) -> MergedMap:
