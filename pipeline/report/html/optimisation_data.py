@@ -91,7 +91,7 @@ def _numbers(merged: Merged) -> list[dict[str, str]]:
     return [
         {"label": "robots", "value": f"{len(trajectories)}", "note": f"{poses:,} poses"},
         {"label": "closures accepted", "value": f"{len(merged.graph.accepted):,}", "note": f"of {len(closures):,}"},
-        {"label": "sigmas taken", "value": f"{merged.consistent.scale:g} times", "note": "as stated in the files"},
+        {"label": "sigmas taken", "value": f"{merged.consistent.scale:.3g} times", "note": "as stated in the files"},
         {"label": "time", "value": f"{merged.seconds:.2g} s"},
     ]
 

@@ -14,7 +14,7 @@ from wiclosure.pipeline.report.html.optimisation_data import optimisation_data
 from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
 from wiclosure.pipeline.report.html.run_data import run_data
 from wiclosure.pipeline.report.html.scene_data import fewer_points
-from wiclosure.pipeline.report.html.side_by_side import side_by_side
+from wiclosure.pipeline.report.html.tables_data import side_by_side
 from wiclosure.pipeline.stages.optimising import Merged
 from wiclosure.pipeline.stages.run import RunResult
 from wiclosure.types import FilterResult, Trajectory, WirelessLog

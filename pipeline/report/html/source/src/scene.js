@@ -57,7 +57,7 @@ export async function scene3d(run, onClosure) {
     asked = true;
   };
   const look = (direction, of = groups.before.visible ? view.before : view.bounds) => {
-    const far = (1.25 * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    const far = ((map ? 1.2 : 0.9) * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
     controls.target.copy(of.center);
     camera.position.copy(of.center).addScaledVector(direction.clone().normalize(), far);
     [camera.near, camera.far] = [of.radius / 500, of.radius * 50];
