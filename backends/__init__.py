@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from wiclosure.backends.map_writers import write_ply as write_ply
     from wiclosure.backends.merged_map import MergedMap as MergedMap
     from wiclosure.backends.merged_map import merge_maps as merge_maps
-    from wiclosure.backends.pcm import IncrementalPcm as IncrementalPcm
     from wiclosure.backends.pcm import PcmResult as PcmResult
     from wiclosure.backends.pcm import pairwise_consistent as pairwise_consistent
     from wiclosure.backends.pose_graph import optimise as optimise
@@ -31,7 +30,7 @@ else:
             "wiclosure.backends.graph_result": "GraphResult",
             "wiclosure.backends.map_writers": "write_pcd write_ply",
             "wiclosure.backends.merged_map": "MergedMap merge_maps",
-            "wiclosure.backends.pcm": "IncrementalPcm PcmResult pairwise_consistent",
+            "wiclosure.backends.pcm": "PcmResult pairwise_consistent",
             "wiclosure.backends.pose_graph": "optimise",
             "wiclosure.backends.streaming": "StreamingBackEnd",
         },

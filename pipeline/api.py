@@ -14,7 +14,6 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config, load_config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.open_inputs import open_inputs
-from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.pipeline.report.progress_bars import BarProgress
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
@@ -105,4 +104,4 @@ def _inputs(
         inputs = open_inputs(words, limit=limit)
         return replace(inputs, wireless=inputs.wireless + wireless)
     logs = [wireless] if isinstance(wireless, str | Path) else wireless
-    return open_inputs(words, wireless=sources_of_words(str(log) for log in logs), limit=limit)
+    return open_inputs(words, wireless=[str(log) for log in logs], limit=limit)

@@ -35,7 +35,7 @@ ALIGNMENT = FrameAlignment("alpha", "beta", BEST, COVARIANCE, ambiguous=False, r
 POSES = se3.from_yaw(0.0, np.arange(4)[:, None] * [1.0, 0.0, 0.0])
 STAMPS_NS = np.arange(4) * 10**9
 FOLLOWED = OdometryResult(
-    STAMPS_NS, POSES, np.array([0, 2]), (np.ones((5, 3), np.float32),) * 2, FrontEndCounts(6, 2), 0.1, 0.1
+    STAMPS_NS, STAMPS_NS, POSES, np.array([0, 2]), (np.ones((5, 3), np.float32),) * 2, FrontEndCounts(6, 2), 0.1, 0.1
 )
 DESCRIBED = Descriptors(np.zeros((2, 20, 60), np.float32), 0.1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 
 import gtsam
@@ -10,13 +9,14 @@ import networkx as nx
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.edge_table import EdgeTable
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 NEARLY_ALL = 0.9  # of the consecutive pairs: where so many have an edge, these are the odometry
-CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
+REACH = float(np.sqrt(chi2.ppf(0.95, 6)))  # sigmas at which an edge begins to lose its weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,20 +120,38 @@ def _parents_first(before: IntArray) -> IntArray:
 
 
 def _robust_cost(size: int, edges: EdgeTable, start_rows: IntArray, trusted: BoolArray) -> FloatArray:
-    """How much each edge `(E,)` disagrees with a robust estimate over all edges that starts from a spanning tree."""
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    cauchy = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH)
+    """How much each edge `(E,)` disagrees with a robust estimate over all of them.
+
+    Geman-McClure's kernel forgets edges that are far off, but not a bad start, which is a spanning tree; Cauchy's finds
+    from one to where most edges agree, but false ones still pull.  So it is tried with and without Cauchy's first.
+    """
+    tree = _rooted(size, edges, start_rows)
+    start = gtsam.Values()
+    for pose, T in zip(tree.order.tolist(), tree.poses(np.eye(4)), strict=True):
+        start.insert(pose, gtsam.Pose3(T))
+    forgetting = _robust_graph(edges, trusted, gtsam.noiseModel.mEstimator.GemanMcClure.Create(REACH))
+    pulling = _robust_graph(edges, trusted, gtsam.noiseModel.mEstimator.Cauchy.Create(REACH))
+    solutions = [_solved(forgetting, start), _solved(forgetting, _solved(pulling, start))]
+    best = min(solutions, key=forgetting.error)
+    return np.array([forgetting.at(n).error(best) for n in range(len(edges))])
+
+
+def _robust_graph(
+    edges: EdgeTable, trusted: BoolArray, kernel: gtsam.noiseModel.mEstimator.Base
+) -> gtsam.NonlinearFactorGraph:
+    """All edges, those not trusted with a kernel, then a prior that holds the first pose."""
+    graph = gtsam.NonlinearFactorGraph()
     for n in range(len(edges)):
         stated = gtsam.noiseModel.Gaussian.Covariance(edges.covariance[n])
-        noise = stated if trusted[n] else gtsam.noiseModel.Robust.Create(cauchy, stated)
+        noise = stated if trusted[n] else gtsam.noiseModel.Robust.Create(kernel, stated)
         ends = int(edges.first[n]), int(edges.second[n])
         graph.add(gtsam.BetweenFactorPose3(*ends, gtsam.Pose3(edges.T[n]), noise))
-    start = _rooted(size, edges, start_rows)
-    for pose, T in zip(start.order.tolist(), start.poses(np.eye(4)), strict=True):
-        values.insert(pose, gtsam.Pose3(T))
-    held = gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, 1e-4))
-    everything = gtsam.NonlinearFactorGraph(graph)
-    everything.add(held)
-    with suppress(RuntimeError):  # indeterminate: the start is all there is
-        values = gtsam.LevenbergMarquardtOptimizer(everything, values).optimize()
-    return np.array([graph.at(n).error(values) for n in range(len(edges))])
+    graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)))
+    return graph
+
+
+def _solved(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
+    try:
+        return gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
+    except RuntimeError:  # indeterminate: the start is all there is
+        return start

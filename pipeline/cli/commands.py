@@ -19,6 +19,7 @@ from wiclosure.pipeline.cli import compare as compare_commands
 from wiclosure.pipeline.cli import data as data_commands
 from wiclosure.pipeline.cli import optimize as optimize_command
 from wiclosure.pipeline.cli import radio as radio_commands
+from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
@@ -46,6 +47,7 @@ app.command("init")(data_commands.init)
 app.command("split")(data_commands.split)
 app.add_typer(radio_commands.app, name="radio")
 app.command("eval")(commands.eval_command)
+app.command("report")(report_command.report)
 app.command("info")(data_commands.info)
 app.command("dump-config")(commands.dump_config)
 app.command("cache")(cache_command.cache)

@@ -104,9 +104,8 @@ class Reading:
     def inputs(self, data: Sequence[str]) -> Inputs:
         """The recordings and radio logs that `data` names."""
         from wiclosure.pipeline.data.open_inputs import open_inputs
-        from wiclosure.pipeline.radio.words import sources_of_words
 
-        wireless = sources_of_words(self.wireless or ())
+        wireless = self.wireless or ()
         return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
 
 

@@ -142,9 +142,8 @@ def check(
 
     with warnings_on_terminal():
         sources = sources_of_words(wireless or ())
-        log, paths = log_and_trajectories(data or (), sources, trajectory or (), salvage=salvage)
-        units = {source.unit for source in sources}
-        result = check_log(log, paths, units.pop() if len(units) == 1 else "m")
+        log, paths, read_alike = log_and_trajectories(data or (), sources, trajectory or (), salvage=salvage)
+        result = check_log(log, paths, read_alike)
     if as_json:
         found = [asdict(finding) for finding in result.findings]
         typer.echo(json.dumps({"settings": dict(result.settings), "findings": found}, indent=2))

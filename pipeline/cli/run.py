@@ -54,7 +54,7 @@ def run(
     from rich.console import Console
 
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.report import illustrations, tables
+    from wiclosure.pipeline.report import html, illustrations, tables
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
@@ -68,6 +68,7 @@ def run(
         found = running.run(prepared, chosen, progress=working.progress)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
+        html.write_run_report(scratch, found)
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:

@@ -14,6 +14,7 @@ from pathlib import Path
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan, World
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.report.html import write_run_report
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
@@ -75,6 +76,7 @@ def _compare_filters(
             (folder / where).mkdir(parents=True)
             write_run(folder / where, result)
             illustrate_run(folder / where, result)
+            write_run_report(folder / where, result)
             sketches.setdefault(name, Sketch.of(result))
             prepared = replace(prepared, shared=True)
             if name == "wiclosure" and result.metrics["pairs_total"]:

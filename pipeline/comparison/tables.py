@@ -78,7 +78,7 @@ def comparison_markdown(comparison: Comparison) -> str:
         f"# Comparison\n\nBase arm: {comparison.plan.filters[0]}. Median over the seeds, [smallest, largest].",
         *comparison.plan.remarks,
         markdown(*arm_rows(arms)),
-        *(["## Against the base arm, seed by seed", markdown(*_against(arms))] if repeated else []),
+        *(["## Against the base arm, seed by seed", markdown(*against_rows(arms))] if repeated else []),
         "## Seconds per stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
         markdown(*_stages(arms)),
     ]
@@ -109,7 +109,8 @@ def _row(comparison: Comparison, outcome: Outcome) -> dict[str, Cell]:
     return row | {"folder": str(outcome.folder)}
 
 
-def _against(arms: Sequence[ArmSummary]) -> tuple[list[str], list[list[str]]]:
+def against_rows(arms: Sequence[ArmSummary]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: how each arm differs from the base arm, seed by seed."""
     header = ["arm", "figure", "median difference", "better", "worse", "of seeds", "p", "test"]
     rows = [
         [_name(arm, arms), FIGURES[key].label, *_paired(found, FIGURES[key].form)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectory_file import read_trajectory
 from wiclosure.types import Trajectory
 
 
@@ -24,7 +24,7 @@ def named_trajectories(words: Sequence[str], drift: DriftModel | None = None) ->
             raise ConfigError(f"--trajectory {word}: expected NAME=FILE, for example alpha=alpha.tum")
         if robot in robots:
             raise ConfigError(f"--trajectory names {robot} twice; give each robot a name of its own")
-        robots[robot] = read_tum(path, robot, drift)
+        robots[robot] = read_trajectory(path, robot, drift)
     if len(robots) < 2:
         raise ConfigError("one trajectory only: there is nothing to compare; give --trajectory for each robot")
     return robots

@@ -12,7 +12,7 @@ from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.data.odometry_reader import near_origin
 from wiclosure.pipeline.data.recording import RobotRecording
-from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.pipeline.runtime.cache import file_identity
 from wiclosure.pipeline.sources.kitti import ELEVATION_CORRECTION_DEG, is_kitti_folder
 from wiclosure.types import FloatArray
@@ -24,7 +24,7 @@ def open_inputs(
     data: Sequence[str],
     *,
     topic: str | None = None,
-    wireless: Sequence[RadioSource] = (),
+    wireless: Sequence[str] = (),
     limit: int | None = None,
     salvage: bool = False,
 ) -> Inputs:
@@ -33,7 +33,7 @@ def open_inputs(
     Args:
         data: one `dataset.yaml`, recordings as `alpha=path`, or one `scenario:NAME` (see `scenario_source`).
         topic: PointCloud2 topic of all bags, whatever the data set states.
-        wireless: radio logs besides those of the data set.
+        wireless: words that name radio logs besides those of the data set (see `sources_of_words`).
         limit: read at most so many scans per robot.
         salvage: use what can be read of damaged bags.
 
@@ -51,7 +51,7 @@ def open_inputs(
         from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario_inputs
 
         return scenario_inputs(*read_scenario_word(data[0]), limit=limit)
-    dataset = load_dataset(data, topic=topic, wireless=wireless)
+    dataset = load_dataset(data, topic=topic, wireless=sources_of_words(wireless))
     robots = tuple(_robot_input(dataset, robot, limit=limit, salvage=salvage) for robot in dataset.robots)
     return Inputs(robots, dataset.wireless_log(salvage=salvage))
 

@@ -14,8 +14,8 @@ from wiclosure.types import Trajectory, WirelessLog
 
 def log_and_trajectories(
     data: Sequence[str], sources: Sequence[RadioSource], trajectories: Sequence[str], *, salvage: bool = False
-) -> tuple[WirelessLog, dict[str, Trajectory]]:
-    """Radio and paths of a data set, or of sources and `NAME=FILE` words.
+) -> tuple[WirelessLog, dict[str, Trajectory], RadioSource | None]:
+    """Radio and paths of a data set, or of sources and `NAME=FILE` words; the source, where there is only one.
 
     Of a data set each robot's own odometry serves, else its ground truth; `trajectories` replace them.
 
@@ -34,7 +34,7 @@ def log_and_trajectories(
                     f" {robot}=FILE, as {robot}_odometry.tum of a run's folder"
                 )
             named[robot] = path
-        return dataset.wireless_log(salvage=salvage), named
+        return dataset.wireless_log(salvage=salvage), named, _only(dataset.wireless)
     if not sources:
         raise ConfigError("nothing to check: give a data set, or a log with --wireless and trajectories")
     named = named_trajectories(trajectories)
@@ -45,4 +45,8 @@ def log_and_trajectories(
         left += [] if reading.account is None else reading.account.sentences()
     if not log.measurements:
         raise InputError("; ".join(left) or "the log holds no measurements")
-    return log, named
+    return log, named, _only(sources)
+
+
+def _only(sources: Sequence[RadioSource]) -> RadioSource | None:
+    return sources[0] if len(sources) == 1 else None

@@ -63,7 +63,7 @@ class FolderSource:
         if self._suffix == ".bin":
             check_layout(_largest(files[:20]), layout or KITTI)
         found_stamps = _stamps(path, files)
-        self._how, self._made_up = found_stamps.how, found_stamps.made_up
+        self.stamps_from, self.made_up = found_stamps.how, found_stamps.made_up
         order = np.argsort(found_stamps.stamps_ns, kind="stable")
         self.scan_files = [files[index] for index in order]
         self.stamps_ns = found_stamps.stamps_ns[order]
@@ -71,7 +71,7 @@ class FolderSource:
     @property
     def description(self) -> str:
         """One line for the user."""
-        return f"folder {self.path}, {len(self.scan_files)} {self._suffix} scans, stamps: {self._how}"
+        return f"folder {self.path}, {len(self.scan_files)} {self._suffix} scans, stamps: {self.stamps_from}"
 
     def __len__(self) -> int:
         """Number of scan files."""
@@ -79,10 +79,10 @@ class FolderSource:
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans in order of time."""
-        if self._made_up:
+        if self.made_up:
             logger.warning(
                 "%s: nothing tells when the clouds were taken: their stamps are made up (%s); write times.txt beside"
-                " them, a time in seconds for each", self.path, self._how,
+                " them, a time in seconds for each", self.path, self.stamps_from,
             )  # fmt: skip
         read, clock = CLOUD_READERS[self._suffix], PointClock(str(self.path), self._period_s)
         if self._suffix == ".bin" and self._layout is not None:

@@ -12,7 +12,8 @@ from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
 from wiclosure.pipeline.sources.kitti import KittiSource
-from wiclosure.pipeline.sources.messages.pointcloud2 import FORMATS, POINT_CLOUD_TYPE, PointCloud2Message
+from wiclosure.pipeline.sources.messages.livox import LIVOX_POINT, LIVOX_TYPES
+from wiclosure.pipeline.sources.messages.pointcloud2 import FORMATS, PointCloud2Message
 from wiclosure.pipeline.sources.open import guess_loader
 from wiclosure.pipeline.sources.scan_messages import ScanDecoder, ScanMessages
 from wiclosure.pipeline.sources.scan_topics import holds_scans
@@ -99,7 +100,10 @@ def recording_info(path: Path | str, *, salvage: bool = False) -> RecordingInfo:
     stamps_ns, size = source.stamps_ns, sum(file.stat().st_size for file in source.scan_files)
     duration_s = int(stamps_ns[-1] - stamps_ns[0]) * 1e-9
     beside = [name for name in ("poses.txt", "calib.txt") if (path / name).is_file()]
-    notes = (f"With {' and '.join(beside)}.",) if beside else ()
+    notes: tuple[str, ...] = (f"With {' and '.join(beside)}.",) if beside else ()
+    if isinstance(source, FolderSource):
+        made_up = " (made up: nothing tells when the clouds were taken)" if source.made_up else ""
+        notes += (f"Stamps: {source.stamps_from}{made_up}.",)
     return RecordingInfo(path, kind, int(stamps_ns[0]), duration_s, len(source), size, (), notes)
 
 
@@ -128,15 +132,16 @@ def _first_cloud(bag: Bag, name: str) -> CloudInfo | None:
     try:
         message = ScanMessages(topic)(raw, 0)
         scan = ScanDecoder(topic, f"{bag.path}, topic {name}").decode(message, message.stamp_ns or received_ns)
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"{bag.path}, topic {name}, message 0: {error}") from error
     except Exception as error:  # rosbags raises anything for bytes that are no such message
         raise InputError(f"{bag.path}, topic {name}, message 0: no {topic.msgtype} ({error})") from error
     times = None if scan.times is None else (float(scan.times.min()), float(scan.times.max()))
     count = len(scan.points)
-    if topic.msgtype != POINT_CLOUD_TYPE:
-        return CloudInfo(1, count, count, 0, message.frame_id, (), times)
-    cloud = cast("PointCloud2Message", message.content)
+    if topic.msgtype in LIVOX_TYPES:
+        livox = tuple(FieldInfo(name, of[0].str[1:], of[1]) for name, of in (LIVOX_POINT.fields or {}).items())
+        return CloudInfo(1, count, count, LIVOX_POINT.itemsize, message.frame_id, livox, times)
+    cloud = cast("PointCloud2Message", message.content)  # what compressed ones say of the fields is said alike
     fields = tuple(FieldInfo(f.name, FORMATS.get(f.datatype, "unknown"), f.offset) for f in cloud.fields)
     return CloudInfo(cloud.height, cloud.width, count, cloud.point_step, message.frame_id, fields, times)
 

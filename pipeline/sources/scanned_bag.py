@@ -15,7 +15,7 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted, same_topic, unpacked
 from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.salvage import zstd
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, everything
 from wiclosure.pipeline.sources.salvage.recover import scan_file
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,8 @@ def _survey_of(kind: str, files: tuple[tuple[Path, int, int], ...], contents: bo
     latest_ns: dict[str, int] = {}
     unordered: set[str] = set()
     damage, start_ns, end_ns = Damage(), 2**63 - 1, 0
-    scans = (scan_file(file, kind, damage, contents=contents) for file, _, _ in files)
+    wanted = everything if contents else _nothing
+    scans = (scan_file(file, kind, damage, wanted) for file, _, _ in files)
     for topic, stamp_ns, _ in chain.from_iterable(scans):
         counts[topic] += 1
         if stamp_ns < latest_ns.get(topic.name, stamp_ns):
@@ -78,7 +79,7 @@ def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: Survey, *, 
 
     def read(topic: str) -> Iterator[RawMessage]:
         chosen = found.topics[topic].found
-        scans = (scan_file(file, kind, Damage()) for file in files)
+        scans = (scan_file(file, kind, Damage(), lambda found: same_topic(found, chosen)) for file in files)
         messages = (message for message in chain.from_iterable(scans) if same_topic(message.topic, chosen))
         for message in _in_order(messages) if topic in found.unordered else messages:
             try:
@@ -92,6 +93,10 @@ def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: Survey, *, 
                 yield message.stamp_ns, raw
 
     return Bag(path, kind, found.topics, found.start_ns, found.end_ns, read, salvaged)
+
+
+def _nothing(topic: FoundTopic) -> bool:
+    return False
 
 
 def _in_order(messages: Iterator[FoundMessage]) -> Iterator[FoundMessage]:

@@ -12,7 +12,6 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from wiclosure.backends import GraphResult as GraphResult
-    from wiclosure.backends import IncrementalPcm as IncrementalPcm
     from wiclosure.backends import PcmSettings as PcmSettings
     from wiclosure.backends import PoseGraphSettings as PoseGraphSettings
     from wiclosure.backends import StreamingBackEnd as StreamingBackEnd
@@ -66,7 +65,7 @@ else:
         __name__,
         {
             "wiclosure.backends": (
-                "GraphResult IncrementalPcm PcmSettings PoseGraphSettings StreamingBackEnd optimise pairwise_consistent"
+                "GraphResult PcmSettings PoseGraphSettings StreamingBackEnd optimise pairwise_consistent"
             ),
             "wiclosure.drift": "DriftModel",
             "wiclosure.errors": "ConfigError InputError OutputError ProcessError WiclosureError",

@@ -20,6 +20,7 @@ from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE
 GUESS = "GUESS"
 _ENDINGS = re.compile(r"([_.-]?(rosbag2?|bag2?|mcap|lidar|scans|data|recording)|\.\w+)+$", re.IGNORECASE)
 _TRUTH = re.compile(r"(^|[_.-])(gt|truth|ground_?truth|groundtruth|mocap|vicon|reference|ref)([_.-]|$)", re.IGNORECASE)
+_TRUTH_TOPIC = re.compile(r"ground_?truth|vrpn|vicon|mocap|optitrack|qualisys|leica|(^|/)gt(/|$)", re.IGNORECASE)
 _ODOMETRY = re.compile(r"odom|(^|[_.-])(lio|vio|slam)([_.-]|$)", re.IGNORECASE)
 _LOOKS_LIKE_MM = 200.0  # metres, median: UWB does not reach so far
 
@@ -57,6 +58,11 @@ def draft_dataset(folder: Path, found: Sequence[Found]) -> str:
         lines += [
             f"    # odometry_topic: {topic.name}  # {topic.count} {topic.msgtype}: used in the place of KISS-ICP"
             for topic in robot.odometry
+        ]
+        lines += [
+            f"    # ground_truth_topic: {topic.name}  # {GUESS}: {topic.count} {topic.msgtype}"
+            for topic in (robot.scans.recording.topics if robot.scans.recording else ())
+            if topic.count and topic.msgtype.startswith("geometry_msgs/") and _TRUTH_TOPIC.search(topic.name)
         ]
     lines += _wireless(folder, list(robots), found)
     lines += [f"# not used: {_relative(folder, item.path)} ({item.holds})" for item in unused]

@@ -12,7 +12,7 @@ import numpy as np
 
 from wiclosure.errors import InputError, WiclosureError
 from wiclosure.formats.text_table import TextTable, is_number, open_table
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectory_file import read_trajectory, trajectory_kind
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
 from wiclosure.pipeline.radio.presets import preset_of_header
 from wiclosure.pipeline.radio.readers.column_names import guess
@@ -118,13 +118,8 @@ def _text(path: Path) -> Found:
 
 def _table(path: Path, table: TextTable) -> Found:
     rows = [cells for _, (_, cells) in zip(range(_FEW_ROWS), table.rows(), strict=False)]
-    if len(table.columns) == 8 and _are_poses(rows):
-        try:
-            trajectory = read_tum(path, path.stem)
-        except InputError as error:
-            return Found(path, "unknown", f"poses that cannot be read: {error}")
-        length_m, span_s = trajectory.distance[-1], (trajectory.stamps_ns[-1] - trajectory.stamps_ns[0]) * 1e-9
-        return Found(path, "trajectory", f"{len(trajectory)} poses (TUM), {span_s:.0f} s, {length_m:.0f} m")
+    if (len(table.columns) == 8 and _are_poses(rows)) or trajectory_kind(path) == "euroc":
+        return _trajectory(path)
     known = guess(table.columns) if table.has_header else {}
     if preset := preset_of_header(table.columns):
         return Found(path, "radio", f"table as of preset {preset.name}")
@@ -132,6 +127,16 @@ def _table(path: Path, table: TextTable) -> Found:
         named = ", ".join(f"{key}: {value}" for key, value in known.items())
         return Found(path, "radio", f"table ({named})")
     return Found(path, "unknown", f"table of {len(table.columns)} columns: {', '.join(table.columns[:6])}")
+
+
+def _trajectory(path: Path) -> Found:
+    try:
+        trajectory = read_trajectory(path, path.stem)
+    except InputError as error:
+        return Found(path, "unknown", f"poses that cannot be read: {error}")
+    length_m, span_s = trajectory.distance[-1], (trajectory.stamps_ns[-1] - trajectory.stamps_ns[0]) * 1e-9
+    kind = "EuRoC" if trajectory_kind(path) == "euroc" else "TUM"
+    return Found(path, "trajectory", f"{len(trajectory)} poses ({kind}), {span_s:.0f} s, {length_m:.0f} m")
 
 
 def _are_poses(rows: list[list[str]]) -> bool:

@@ -9,11 +9,13 @@ import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.formats.radio_units import LengthUnit
+from wiclosure.pipeline.radio.check.absolute import absolute
 from wiclosure.pipeline.radio.check.bearings import check_bearings
 from wiclosure.pipeline.radio.check.clock import Span, check_clock, check_overlap, common_span
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples, pair_samples
 from wiclosure.pipeline.radio.check.ranges import check_ranges
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import Trajectory, WirelessLog
 
 _GAP_S, _GAP_INTERVALS = 5.0, 20.0
@@ -37,13 +39,15 @@ class CheckResult:
         return {key: found[0] for key, found in values.items() if _agree(found)}
 
 
-def check_log(log: WirelessLog, trajectories: Mapping[str, Trajectory], unit: LengthUnit = "m") -> CheckResult:
+def check_log(
+    log: WirelessLog, trajectories: Mapping[str, Trajectory], source: RadioSource | None = None
+) -> CheckResult:
     """Holds a log against the robots' trajectories: overlap, gaps, repeated values, units, clock, bearings.
 
     Args:
         log: measurements by the robots' names.
         trajectories: odometry (or truth) of each robot, each in a frame of its own.
-        unit: that the log's ranges were read in.
+        source: how the log was read; corrections are keys to state in it, in the place of those it has.
 
     Raises:
         InputError: the log is empty, or no pair in it has both trajectories.
@@ -57,12 +61,13 @@ def check_log(log: WirelessLog, trajectories: Mapping[str, Trajectory], unit: Le
             f"the log is of {', '.join(sorted(log.robots()))}, the trajectories of {', '.join(trajectories)}:"
             " no pair has both; map the ids with robots"
         )
+    source = source or RadioSource(topic="/any")
     apart = check_overlap(Span(min(stamps), max(stamps)), common_span(trajectories))
     if apart is not None:
-        return CheckResult((apart,))
+        return CheckResult(tuple(absolute([apart], source)))
     findings = [_left_aside(len(log.measurements) - len(known))] if len(known) < len(log.measurements) else []
     for samples in pair_samples(known).values():
-        findings += _pair(samples, trajectories, unit)
+        findings += absolute(_pair(samples, trajectories, source.unit), source)
     return CheckResult(tuple(findings))
 
 

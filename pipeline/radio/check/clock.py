@@ -12,6 +12,7 @@ from wiclosure.pipeline.radio.check.geometry import PairSamples
 from wiclosure.pipeline.radio.check.range_fit import FEWEST, RangeFit, fit_ranges, refit
 from wiclosure.types import FloatArray, Trajectory
 
+_FEWEST = 16  # ranges of a pair: four numbers of the fit, the shift, and enough to see that they agree
 _MOST = 150  # ranges of a pair that are fitted at each shift
 _WITHIN_S = 30.0
 _COARSE_S = 0.5
@@ -82,7 +83,8 @@ def check_clock(samples: PairSamples, trajectories: Mapping[str, Trajectory]) ->
     chosen = _chosen(samples, trajectories)
     fit = None if chosen is None else fit_ranges(*_placed(chosen, trajectories, 0.0))
     if chosen is None or fit is None:
-        return None, 0.0
+        text = f"too few ranges within both trajectories to tell the clock's offset ({_FEWEST} are needed)"
+        return (Finding("clock", "note", text, samples.robots) if np.isfinite(samples.ranges_m).any() else None), 0.0
     samples = chosen
     steps = np.arange(0.0, _WITHIN_S + _COARSE_S / 2, _COARSE_S)
     followed = [*_follow(samples, trajectories, -steps, fit), *_follow(samples, trajectories, steps, fit)]
@@ -107,9 +109,9 @@ def _chosen(samples: PairSamples, trajectories: Mapping[str, Trajectory]) -> Pai
     samples = samples.select(np.isfinite(samples.ranges_m))
     margin_ns = round(_WITHIN_S * 1e9)
     inside = samples.covered(trajectories, -margin_ns) & samples.covered(trajectories, margin_ns)
-    if inside.sum() < 3 * FEWEST:  # a short log: shifts are tried as far as most of it stays inside
+    if inside.sum() < _FEWEST:  # a short log: shifts are tried as far as most of it stays inside
         inside = samples.covered(trajectories)
-    if inside.sum() < 3 * FEWEST:
+    if inside.sum() < _FEWEST:
         return None
     indices = np.flatnonzero(inside)
     return samples.select(indices[np.unique(np.linspace(0, len(indices) - 1, _MOST).astype(np.int64))])

@@ -74,7 +74,7 @@ def _unit_finding(
     too_long = steps >= FEWEST and ratio > _TOO_LONG
     if free is not None and free.scale_error < _SURE and free.rms_m < 0.25 * free.typical_m:
         by_fit = _unit_of(METRES[read_as] * free.scale)
-        told = f"one {read_as} of the log is {free.scale * METRES[read_as]:.4g} m by the shape of both paths"
+        told = f"by the shape of both paths 1 {read_as} in the log is {free.scale * METRES[read_as]:.4g} m"
         told += f" (± {100 * free.scale_error:.1g} %)"
         if by_fit == read_as:
             return Finding("unit", "good", told, pair)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from decimal import Decimal
 
-from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres, radians
+from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres
 from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
 _KEYS = {
-    "robots", "anchors", "time_offset", "unit", "range_offset", "range_sigma", "angle_unit", "clockwise",
+    "robots", "anchors", "time_offset", "unit", "range_offset", "range_sigma", "clockwise",
     "azimuth_zero", "elevation_zero", "aoa_frame",
 }  # fmt: skip
 
@@ -51,8 +51,8 @@ def _measurement(m: WirelessMeasurement, source: RadioSource, names: TagNames, o
 
 
 def _path(path: AoaPath, source: RadioSource) -> AoaPath:
-    azimuth = azimuth_rad(path.azimuth, source.angle_unit, source.azimuth_zero, clockwise=source.clockwise)
+    azimuth = azimuth_rad(path.azimuth, "rad", source.azimuth_zero, clockwise=source.clockwise)
     elevation = path.elevation
     if elevation is not None:
-        elevation = elevation_rad(elevation, source.angle_unit, source.elevation_zero)
-    return replace(path, azimuth=azimuth, sigma=radians(path.sigma, source.angle_unit), elevation=elevation)
+        elevation = elevation_rad(elevation, "rad", source.elevation_zero)
+    return replace(path, azimuth=azimuth, elevation=elevation)

@@ -135,14 +135,12 @@ def line_rows(path: Path, source: RadioSource) -> Iterator[Row]:
 
 def _line_rows(path: Path, pattern: re.Pattern[str]) -> Iterator[Row]:
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(file, start=1):
                 if line.strip() and not line.lstrip().startswith("#"):
                     yield from _matches(f"line {number}", line, pattern)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text ({error}); expected lines of measurements") from error
 
 
 def _matches(place: str, line: str, pattern: re.Pattern[str]) -> Sequence[Row]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.columns import CloudColumns, read_whole, returns, wanted
@@ -24,6 +25,7 @@ LAYOUTS: Mapping[str, str] = {
     "helipr-avia": "x y z intensity:u1 tag:u1 line:u1 time:u4",
     "helipr-aeva": "x y z reflectivity velocity time:i4 line:u1 intensity",
     "xyz": "x y z",
+    "xyz-doubles": "x:f8 y:f8 z:f8",
     "doubles": "x:f8 y:f8 z:f8 intensity:f8",
 }
 _FORMATS = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
@@ -84,17 +86,31 @@ def check_layout(path: Path, layout: str = KITTI) -> None:
 
 def _refuse_no_coordinates(path: Path, records: np.ndarray, layout: str, raw: bytes) -> None:
     """Coordinates of another layout are numbers beyond all measure, or below."""
-    tiny = np.finfo(np.float32).tiny
-    with np.errstate(invalid="ignore"):
-        odd = np.zeros(len(records), bool)
-        for axis in "xyz":
-            size = np.abs(records[axis])
-            odd |= (size > _FARTHEST_M) | ((size > 0) & (size < tiny))
+    odd = _no_coordinates(records)
     if len(records) and np.count_nonzero(odd) > _ODD * len(records):
         raise InputError(
             f"{path}: {np.count_nonzero(odd)} of {len(records)} points lie beyond {_FARTHEST_M:g} m or hold no proper"
             f" numbers: its values are not {_said(layout)}{_likely(raw, records.dtype.itemsize)}"
         )
+
+
+def _no_coordinates(records: np.ndarray) -> NDArray[np.bool_]:
+    """Which records `(N,)` hold numbers that are no metres."""
+    odd = np.zeros(len(records), bool)
+    with np.errstate(invalid="ignore"):
+        for axis in "xyz":
+            size = np.abs(records[axis])
+            odd |= (size > _FARTHEST_M) | ((size > 0) & (size < np.finfo(np.float32).tiny))
+    return odd
+
+
+def _fits(raw: bytes, layout: str, size: int) -> bool:
+    """Whether the bytes may be records of that layout, which are of that size."""
+    record = record_type(layout)
+    if record.itemsize != size:
+        return False
+    odd = _no_coordinates(np.frombuffer(raw, record, len(raw) // size))
+    return bool(np.count_nonzero(odd) <= _ODD * len(odd))
 
 
 def _said(layout: str) -> str:
@@ -106,7 +122,7 @@ def _likely(raw: bytes, expected: int) -> str:
     size = likely_record_size(raw, expected)
     if size is None or size == expected:
         return "; say what they are by layout: in the dataset.yaml"
-    known = [name for name in LAYOUTS if record_type(name).itemsize == size]
+    known = [name for name in LAYOUTS if _fits(raw, name, size)]
     like = f", as {' or '.join(known)} has them; say layout: {known[0]} in the dataset.yaml if so" if known else (
         "; say what they hold by layout: in the dataset.yaml"
     )  # fmt: skip

@@ -29,7 +29,7 @@ LIVOX_TYPES = (
     "livox_interfaces2/msg/CustomMsg",
 )
 
-_POINT = np.dtype(
+LIVOX_POINT = np.dtype(
     {
         "names": ["offset_time", "x", "y", "z", "reflectivity"],
         "formats": ["<u4", "<f4", "<f4", "<f4", "u1"],
@@ -88,7 +88,7 @@ def _ros1_points(raw: bytes) -> np.ndarray:
     start = 16 + length
     _FIXED.unpack_from(raw, start)
     (count,) = struct.unpack_from("<I", raw, start + _FIXED.size)
-    return _points(raw, start + _FIXED.size + 4, count, _POINT.itemsize)
+    return _points(raw, start + _FIXED.size + 4, count, LIVOX_POINT.itemsize)
 
 
 def _cdr_points(raw: bytes) -> np.ndarray:
@@ -103,7 +103,7 @@ def _cdr_points(raw: bytes) -> np.ndarray:
 
 
 def _points(raw: bytes, start: int, count: int, step: int) -> np.ndarray:
-    needed = count * step - (step - _POINT.itemsize) if count else 0
+    needed = count * step - (step - LIVOX_POINT.itemsize) if count else 0
     if start + needed > len(raw):
         raise ValueError(f"{count} points are announced, {max(len(raw) - start, 0)} bytes of {needed} there")
-    return np.ndarray((count,), _POINT, raw, start, (step,))
+    return np.ndarray((count,), LIVOX_POINT, raw, start, (step,))

@@ -29,6 +29,7 @@ FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
 }  # fmt: skip
 
+_FARTHEST_M = 1e8
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
@@ -87,7 +88,7 @@ class PointCloud2Decoder:
             InputError: the fields x, y, z are missing or do not fit, or the data is shorter than announced.
         """
         stamp_ns = nanoseconds_of(cloud.header.stamp) if stamp_ns is None else stamp_ns
-        if cloud.height * cloud.width == 0:
+        if cloud.height * cloud.width == 0 or (not cloud.fields and len(cloud.data) == 0):
             return Scan(stamp_ns, np.zeros((0, 3)))
         columns = _returns(_records(cloud, self._layout(cloud)))
         return timed_scan(self._clock, stamp_ns, *columns)
@@ -123,11 +124,14 @@ class PointCloud2Decoder:
 
 
 def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return."""
+    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return.
+
+    What lies beyond all places on Earth, in whatever coordinates, is no return either but a damaged number.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.add(np.abs(x), np.abs(y))
         size = np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None)
-    return np.asarray((size != 0) & (size < np.inf))  # the latter is false for NaN
+    return np.asarray((size != 0) & (size < _FARTHEST_M))  # the latter is false for NaN
 
 
 def timed_scan(
@@ -228,7 +232,8 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         for name, values in others.items():
             values[end : end + len(kept)] = block[name].take(kept, mode="clip")
         end += len(kept)
-    return points[:end], *(None if name not in others else others[name][:end] for name in ("time", "intensity"))
+    times, intensity = (others[name][:end] if name in others else None for name in ("time", "intensity"))
+    return points[:end], times, intensity
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:

@@ -16,7 +16,8 @@ from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.poses.frames import TF_TYPES, TransformStamped, frame_name
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.pipeline.sources.stamps import Stamped, mended
+from wiclosure.types import Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -24,6 +25,15 @@ ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 
 _PoseRow: TypeAlias = tuple[int, list[float], str, str]
 """Stamp in nanoseconds; x, y, z, qx, qy, qz, qw; frame; child frame (empty where the message has none)."""
+
+
+class _Received(NamedTuple):
+    """A pose with its time of reception, and its two frames' names without slashes."""
+
+    received_ns: int
+    stamp_ns: int
+    pose: list[float]
+    frames: tuple[str, str]
 
 
 class PoseTopic(NamedTuple):
@@ -127,7 +137,7 @@ POSE_TYPES: Mapping[str, Callable[[object], Iterator[_PoseRow]]] = {
 
 
 def read_pose_topic(path: Path, topic: str, robot: str, *, salvage: bool = False) -> PoseTopic:
-    """`T_frame_body` of every message whose stamp follows the one before; the others are left out and counted.
+    """`T_frame_body` of every message; what holds no pose, and stray stamps, are left out and counted.
 
     Args:
         path: the bag.
@@ -142,14 +152,19 @@ def read_pose_topic(path: Path, topic: str, robot: str, *, salvage: bool = False
     with open_bag(path, salvage=salvage) as bag:
         found = _topic_of_poses(bag, name)
         read = POSE_TYPES[bag.topics[found].msgtype]
-        messages = [message for _, message in bag.messages(found)]
-        if bag.topics[found].msgtype == _PATH_TYPE:
+        messages = list(bag.messages(found))
+        of_path = bag.topics[found].msgtype == _PATH_TYPE
+        if of_path:
             messages = messages[-1:]  # each holds all poses up to its time
-        rows = [row for message in messages for row in read(message)]
+        rows = [
+            _Received(row[0] if of_path else received_ns, row[0], row[1], (frame_name(row[2]), frame_name(row[3])))
+            for received_ns, message in messages
+            for row in read(message)
+        ]
     if not rows:
         raise InputError(f"{path}: topic {found} holds no messages; name another, or leave the odometry to KISS-ICP")
     rows = _of_one_body(rows, frames, f"{path}, topic {found}")
-    return PoseTopic(_trajectory(rows, robot, f"{path}, topic {found}"), frame_name(rows[0][3]))
+    return PoseTopic(_trajectory(rows, robot, f"{path}, topic {found}"), rows[0].frames[1])
 
 
 def only_pose_topic(path: Path, *, salvage: bool = False) -> str:
@@ -190,42 +205,34 @@ def _topic_of_poses(bag: Bag, topic: str) -> str:
     return name
 
 
-def _of_one_body(rows: list[_PoseRow], frames: tuple[str, str] | None, place: str) -> list[_PoseRow]:
+def _of_one_body(rows: list[_Received], frames: tuple[str, str] | None, place: str) -> list[_Received]:
     """The poses of one body in one frame."""
-    pairs = dict.fromkeys((frame_name(row[2]), frame_name(row[3])) for row in rows)
+    pairs = dict.fromkeys(row.frames for row in rows)
+    several = ", ".join(f"{parent}->{child}" for parent, child in pairs)
     if frames is None and len({child for _, child in pairs}) > 1:
-        several = ", ".join(f"{parent}->{child}" for parent, child in pairs)
         raise InputError(
-            f"{place} holds several transforms: {several}; name one after the topic: '/tf odom->base_link'"
+            f"{place} holds several transforms: {several}; name one after the topic, as '/tf odom->base_link'"
         )
     if frames is not None and frames not in pairs:
-        several = ", ".join(f"{parent}->{child}" for parent, child in pairs)
         raise InputError(f"{place} has no transform {'->'.join(frames)}; it has {several}")
     wanted = frames or next(iter(pairs))
-    kept = [row for row in rows if (frame_name(row[2]), frame_name(row[3])) == wanted]
-    if len(kept) < len(rows) and frames is None:
-        logger.warning(
-            "%s: %d poses are in another frame than %s and were left out", place, len(rows) - len(kept), wanted[0]
-        )
+    kept = [row for row in rows if row.frames == wanted]
+    if (others := len(rows) - len(kept)) and frames is None:
+        logger.warning("%s: %d poses are in another frame than %s and were left out", place, others, wanted[0])
     return kept
 
 
-def _trajectory(rows: list[_PoseRow], robot: str, place: str) -> Trajectory:
-    stamps_ns = np.array([row[0] for row in rows], np.int64)
-    poses = np.array([row[1] for row in rows], np.float64)
-    good = np.isfinite(poses).all(axis=1) & (np.linalg.norm(poses[:, 3:], axis=1) > 1e-9)
-    if not good.any():
+def _trajectory(rows: list[_Received], robot: str, place: str) -> Trajectory:
+    """The poses that are some, at stamps that increase (see `wiclosure.pipeline.sources.stamps`)."""
+    good = [row for row in rows if np.isfinite(row.pose).all() and np.linalg.norm(row.pose[3:]) > 1e-9]
+    if not good:
         raise InputError(
-            f"{place}: none of {len(rows)} messages holds a pose: positions or orientations are no numbers"
+            f"{place}: none of {len(rows)} messages holds a pose; positions or orientations are no numbers"
         )
-    if not good.all():
-        logger.warning("%s: %d of %d messages hold no pose and were left out", place, int((~good).sum()), len(rows))
-    stamps_ns, poses = stamps_ns[good], poses[good]
-    follows = stamps_ns > np.concatenate([[-1], np.maximum.accumulate(stamps_ns)[:-1]])
-    if not follows.all():
-        logger.warning("%s: %d stamps repeat or go back; left out", place, int((~follows).sum()))
-    return Trajectory(robot, stamps_ns[follows], _matrices(poses[follows]))
-
-
-def _matrices(rows: FloatArray) -> FloatArray:
-    return se3.from_rotation_translation(Rotation.from_quat(rows[:, 3:]).as_matrix(), rows[:, :3])
+    if len(good) < len(rows):
+        logger.warning("%s: %d of %d messages hold no pose and were left out", place, len(rows) - len(good), len(rows))
+    stamped = list(mended((Stamped(row.stamp_ns, row.received_ns, row.pose) for row in good), place))
+    numbers = np.array([pose for _, pose in stamped])
+    rotation = Rotation.from_quat(numbers[:, 3:]).as_matrix()
+    stamps_ns = np.array([stamp_ns for stamp_ns, _ in stamped], np.int64)
+    return Trajectory(robot, stamps_ns, se3.from_rotation_translation(rotation, numbers[:, :3]))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
@@ -28,6 +29,15 @@ class FoundMessage(NamedTuple):
     topic: FoundTopic
     stamp_ns: int
     data: bytes
+
+
+Wanted: TypeAlias = Callable[[FoundTopic], bool]
+"""Whether the data of a topic's messages are wanted."""
+
+
+def everything(topic: FoundTopic) -> bool:
+    """All data are."""
+    return True
 
 
 class Damage:

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
 from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ class _Known:
     topics: dict[int, FoundTopic] = field(default_factory=dict)
 
 
-def scan_mcap(path: Path, damage: Damage, *, contents: bool = True) -> Iterator[FoundMessage]:
+def scan_mcap(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
     """All whole messages, from whole and cut chunks alike, in the order of the file.
 
     Args:
         path: the file.
         damage: takes down what is left out.
-        contents: False skips the data of messages outside of chunks: they come out empty.
+        wanted: data of other topics' messages outside of chunks are skipped: they come out empty.
     """
     known = _Known(damage)
     with path.open("rb") as file:
@@ -45,7 +45,7 @@ def scan_mcap(path: Path, damage: Damage, *, contents: bool = True) -> Iterator[
             damage("the file does not start as an MCAP file")
             return
         operation = 0
-        for operation, content, whole in _records(file, path.stat().st_size, skip_messages=not contents):
+        for operation, content, whole in _records(file, path.stat().st_size, known, wanted):
             if operation == _FOOTER:
                 break
             if not whole:
@@ -61,16 +61,21 @@ def scan_mcap(path: Path, damage: Damage, *, contents: bool = True) -> Iterator[
             damage("the file was not closed by its recorder")
 
 
-def _records(file: BinaryIO, size: int, *, skip_messages: bool = False) -> Iterator[tuple[int, bytes, bool]]:
-    """Operation, content and whether it is whole, of each record."""
+def _records(
+    file: BinaryIO, size: int, known: _Known | None = None, wanted: Wanted = everything
+) -> Iterator[tuple[int, bytes, bool]]:
+    """Operation, content and whether it is whole, of each record; of messages that are not wanted, the head alone."""
     while len(head := file.read(9)) == 9 and head[0]:
         length = int.from_bytes(head[1:], "little")
         whole = file.tell() + length <= size
-        if skip_messages and head[0] == _MESSAGE and whole:
-            content = file.read(min(length, _MESSAGE_HEAD))
-            file.seek(length - len(content), 1)
+        left = min(length, size - file.tell())
+        content = file.read(min(left, _MESSAGE_HEAD) if head[0] == _MESSAGE else left)
+        left -= len(content)
+        topic = known.topics.get(int.from_bytes(content[:2], "little")) if known is not None and left else None
+        if topic is not None and whole and not wanted(topic):
+            file.seek(left, 1)
         else:
-            content = file.read(min(length, size - file.tell()))
+            content += file.read(left)
         yield head[0], content, whole
 
 

@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _HEAD, _CHUNK, _CONNECTION = 2, 3, 5, 7
@@ -26,13 +26,13 @@ class _Record(NamedTuple):
         return self.header.get("op", b"\0")[0]
 
 
-def scan_ros1(path: Path, damage: Damage, *, contents: bool = True) -> Iterator[FoundMessage]:
+def scan_ros1(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
     """All whole messages, from whole and cut chunks alike.
 
     Args:
         path: the file.
         damage: takes down what is left out.
-        contents: of no meaning here: messages are in chunks, which are read whole.
+        wanted: of no meaning here: messages are in chunks, which are read whole.
     """
     topics: dict[bytes, FoundTopic] = {}
     with path.open("rb") as file:

@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
 
-def scan_sqlite3(path: Path, damage: Damage, *, contents: bool = True) -> Iterator[FoundMessage]:
+def scan_sqlite3(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
     """All whole messages, those in its write-ahead log included.
 
     Args:
         path: the file.
         damage: takes down what is left out.
-        contents: of no meaning here: only data that are read are known to be whole.
+        wanted: of no meaning here: only data that are read are known to be whole.
     """
     _check_size(path, damage)
     for options in ("mode=ro", "immutable=1"):  # the first sees the write-ahead log, the second needs no lock

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.types import Trajectory
 
@@ -21,12 +22,13 @@ def is_euroc(line: str) -> bool:
     return len(words) >= _COLUMNS and words[0].isdecimal() and int(words[0]) >= _EARLIEST_NS
 
 
-def read_euroc(path: Path | str, robot: str) -> Trajectory:
+def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
     """The trajectory in a EuRoC file (`state_groundtruth_estimate0/data.csv`).
 
     Args:
         path: the file; lines that begin with `#`, and a line of names, are passed over.
         robot: name that the trajectory carries.
+        drift: drift model that the trajectory carries.
 
     Raises:
         InputError: the file cannot be read, or a line is malformed, not finite, or goes back in time.
@@ -58,4 +60,5 @@ def read_euroc(path: Path | str, robot: str) -> Trajectory:
         raise InputError(f"{path} holds no poses; expected stamp [ns], x, y, z, qw, qx, qy, qz a line")
     numbers = np.array(rows)
     rotation = Rotation.from_quat(numbers[:, [4, 5, 6, 3]]).as_matrix()
-    return Trajectory(robot, np.array(stamps_ns, np.int64), se3.from_rotation_translation(rotation, numbers[:, :3]))
+    poses = se3.from_rotation_translation(rotation, numbers[:, :3])
+    return Trajectory(robot, np.array(stamps_ns, np.int64), poses, drift or DriftModel())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections import Counter
@@ -16,6 +17,7 @@ from wiclosure.errors import InputError
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _SAMPLE_LINES = 50
+_SAMPLE_BYTES = 65_536
 _DELIMITERS = ("\t", ";", ",")
 SPACE = " "
 """The delimiter that stands for any white space."""
@@ -128,14 +130,27 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    with path.open(encoding=encoding, newline=None) as file:
+    with path.open(encoding=encoding, errors="replace", newline=None) as file:  # a bad byte spoils one row
         yield from enumerate(file, start=1)
 
 
 def _encoding(path: Path) -> str:
-    """UTF-8, or UTF-16 where the file's first bytes say so, as spreadsheets write it."""
+    """UTF-8; UTF-16 where the first bytes say so, as spreadsheets write it; else that of Windows in the west.
+
+    Raises:
+        InputError: bytes that no text has.
+    """
     with _reading(path), path.open("rb") as file:
-        return "utf-16" if file.read(2) in {b"\xff\xfe", b"\xfe\xff"} else "utf-8-sig"
+        head = file.read(_SAMPLE_BYTES)
+    if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        return "utf-16"
+    if b"\0" in head:
+        raise InputError(f"{path} is not a table of text (it holds zero bytes); expected rows of cells")
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.euroc import is_euroc, read_euroc
 from wiclosure.formats.tum import read_tum
@@ -32,7 +33,7 @@ def trajectory_kind(path: Path) -> TrajectoryKind:
     return "tum"
 
 
-def read_trajectory(path: Path | str, robot: str) -> Trajectory:
+def read_trajectory(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
     """The trajectory in a TUM or EuRoC file.
 
     Raises:
@@ -41,9 +42,9 @@ def read_trajectory(path: Path | str, robot: str) -> Trajectory:
     path = Path(path)
     match trajectory_kind(path):
         case "euroc":
-            return read_euroc(path, robot)
+            return read_euroc(path, robot, drift)
         case "kitti":
             raise InputError(
                 f"{path} holds KITTI poses, which carry no stamps; give a TUM file (stamp x y z qx qy qz qw)"
             )
-    return read_tum(path, robot)
+    return read_tum(path, robot, drift)

@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
+from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.team_arrays import TeamArrays
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
@@ -171,3 +173,15 @@ def test_a_branching_robot_is_estimated_from_the_edges_as_they_are_stated(data_d
     assert sum(f.error(result.values) for f in between) == pytest.approx(graph.error(best), rel=1e-4)
     expected = np.stack([best.atPose3(int(key)).matrix() for key in team.keys[trajectory.robot]])
     np.testing.assert_allclose(result.trajectories[trajectory.robot].poses, expected, atol=2e-3)
+
+
+def test_what_decides_on_closures_has_the_steps_of_branching_odometry(data_dir):
+    team = read_graphs([data_dir / "pose_graphs/distributed_mapper/4robots/fullGraph.g2o"])
+    (trajectory,) = team.odometry.values()
+    sets, _ = closure_sets(team.closures, team.odometry, EXACT)
+    arrays = TeamArrays.of(team.odometry, sets, np.zeros(len(team.closures), bool))
+    odometry, nodes = arrays.robots.odometry, arrays.nodes[trajectory.robot]
+    first, second = nodes[odometry.first], nodes[odometry.second]
+    assert set(zip(first, second, strict=True)) <= set(zip(trajectory.parents[1:], range(1, 64), strict=True))
+    np.testing.assert_allclose(odometry.T, trajectory.relative_pose(first, second))
+    np.testing.assert_allclose(odometry.covariance, trajectory.relative_covariance(first, second), atol=1e-12)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from wiclosure.errors import ConfigError
@@ -62,5 +60,5 @@ def test_a_scenario_has_its_seed_in_its_name_and_stands_alone() -> None:
     with pytest.raises(ConfigError, match="a scenario stands alone"):
         make_plan(["scenario:city", "a=b"], "none", configuration=Configuration(), reading=Reading())
     with pytest.raises(ConfigError, match="a scenario stands alone"):
-        reading = Reading(wireless=[Path("radio.jsonl")])
+        reading = Reading(wireless=["radio.jsonl"])
         make_plan(["scenario:city"], "none", configuration=Configuration(), reading=reading)

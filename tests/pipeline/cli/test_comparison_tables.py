@@ -25,7 +25,9 @@ def run(ate_m: float | None) -> dict:
     return {
         "ate_m": {"team": ate_m},
         "ate_odometry_m": {"team": 0.25},
-        "closures": {"accepted_true": 8, "accepted_false": 2},
+        "pairs_kept": 90,
+        "closures": {"proposed": 20, "accepted": 10, "accepted_true": 8, "accepted_false": 2},
+        "components": [{"robots": ["alpha", "beta"], "ate_m": ate_m}],
         "candidates": {"recall": 0.9, "false_rejected": 0.75},
         "seconds": SECONDS,
         "seconds_spent": SECONDS,

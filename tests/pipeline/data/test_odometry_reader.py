@@ -20,6 +20,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.inputs import RobotInput
+from wiclosure.pipeline.data.odometry_reader import near_origin
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
@@ -195,3 +196,48 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, entry: str, complaint
     (tmp_path / "dataset.yaml").write_text(f"robots: {{alpha: {{scans: alpha.bag, {entry}}}}}")
     with pytest.raises(InputError, match=complaint):
         open_inputs([str(tmp_path)])
+
+
+# ------------------------------------------------------------------------------------------ in another bag, or anywhere
+def test_odometry_and_truth_of_another_bag(tmp_path: Path) -> None:
+    scans, way = small_room()
+    moved = way.moved(SHIFT)
+    write_bag(tmp_path / "lidar.bag", scans, way, "ros1")
+    write_bag(tmp_path / "other", scans, moved, "cdr")
+    (tmp_path / "dataset.yaml").write_text(
+        "robots: {alpha: {scans: lidar.bag, topic: /points, odometry: other, odometry_topic: /odom,"
+        " ground_truth: other, ground_truth_topic: /odom}}"
+    )
+    (robot,) = open_inputs([str(tmp_path)]).robots
+    assert robot.odometry is not None
+    assert robot.ground_truth is not None
+    np.testing.assert_allclose(robot.odometry.poses, moved.poses, atol=1e-12)
+    np.testing.assert_allclose(robot.ground_truth.poses, moved.poses, atol=1e-12)
+    (tmp_path / "dataset.yaml").write_text("robots: {alpha: {scans: lidar.bag, topic: /points, odometry: other}}")
+    (robot,) = open_inputs([str(tmp_path)]).robots  # its only topic of poses
+    assert robot.odometry is not None
+    np.testing.assert_allclose(robot.odometry.poses, moved.poses, atol=1e-12)
+
+
+def test_frames_that_nothing_connects_are_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write_bag(tmp_path / "a.bag", *small_room(), "ros1")
+    (tmp_path / "dataset.yaml").write_text("robots: {alpha: {scans: a.bag, topic: /points, odometry_topic: /odom}}")
+    open_inputs([str(tmp_path)])
+    assert (
+        "tells the path of base_link, its clouds are in lidar, and no static transform connects the two" in caplog.text
+    )
+
+
+@pytest.mark.parametrize("far_m", [(458_058.6, 5_429_380.2, 162.9), (-12_000.0, 3.0, 0.0)])
+def test_odometry_far_from_its_origin_is_used_near_one(far_m: tuple[float, float, float]) -> None:
+    _, way = small_room()
+    T_far_odom = se3.from_yaw(0.3, np.array(far_m))
+    near, origin_m = near_origin(way.moved(T_far_odom))
+    assert np.abs(near.positions[0]).max() <= 500
+    assert all(number % 1000 == 0 for number in origin_m)
+    np.testing.assert_allclose(near.positions + origin_m, way.moved(T_far_odom).positions, atol=1e-8)
+
+
+def test_odometry_near_its_origin_stays_as_it_is() -> None:
+    _, way = small_room()
+    assert near_origin(way) == (way, (0.0, 0.0, 0.0))

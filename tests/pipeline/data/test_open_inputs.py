@@ -74,4 +74,4 @@ def test_bad_words_are_refused_before_any_work(folder: Path) -> None:
     with pytest.raises(ConfigError, match="a scenario stands alone"):
         open_inputs(["scenario:city", f"alpha={folder}/alpha"])
     with pytest.raises(InputError, match="mentions the robot 'beta'"):
-        open_inputs([f"alpha={folder}/alpha"], wireless=[RadioSource(path=folder / "radio.jsonl")])
+        open_inputs([f"alpha={folder}/alpha"], wireless=[str(folder / "radio.jsonl")])

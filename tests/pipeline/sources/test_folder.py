@@ -10,6 +10,7 @@ import pytest
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.bin import LAYOUTS, record_type
 from wiclosure.pipeline.sources.folder import FolderSource
+from wiclosure.pipeline.sources.info import recording_info
 
 from .clouds.test_record_size import records, street
 
@@ -29,6 +30,9 @@ def test_unpadded_numbers_are_in_their_order(tmp_path: Path, caplog: pytest.LogC
     folder = write(tmp_path / "lidar", [f"lidar_pointcloud_{k}.bin" for k in range(25)])
     assert order(folder) == list(range(25))
     assert "made up (frame numbers at 10 Hz)" in caplog.text
+    assert recording_info(folder).notes == (
+        "Stamps: frame numbers at 10 Hz (made up: nothing tells when the clouds were taken).",
+    )
 
 
 @pytest.mark.parametrize("name", ["times.txt", "timestamps.txt"])
@@ -59,8 +63,11 @@ def test_times_that_do_not_fit_are_named(tmp_path: Path, caplog: pytest.LogCaptu
 def test_records_of_another_layout_are_refused_and_read_where_declared(tmp_path: Path, layout: str) -> None:
     rows = records(layout)
     rows.tofile(tmp_path / "000000.bin")
-    with pytest.raises(InputError, match=f"look like records of {rows.itemsize} bytes, as .*dataset.yaml"):
+    with pytest.raises(InputError, match=f"look like records of {rows.itemsize} bytes, as .*dataset.yaml") as caught:
         FolderSource(tmp_path)
+    named = str(caught.value).partition(" bytes, as ")[2].partition(" has")[0].partition(" have")[0].split(" or ")
+    assert layout in named
+    assert len(named) <= 2
     (scan,) = FolderSource(tmp_path, layout)
     np.testing.assert_allclose(scan.points, np.column_stack([street(6000)[axis] for axis in "xyz"]), rtol=1e-6)
     if "time" in (record_type(layout).names or ()):

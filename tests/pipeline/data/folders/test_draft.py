@@ -74,6 +74,12 @@ def test_bags_truth_and_radio_become_a_data_set(site: Path) -> None:
     assert "# not used: other.tum" in text
 
 
+def test_truth_as_euroc_writes_it(site: Path) -> None:
+    rows = [f"{START_NS + i * 10**8},{i}.0,0.0,0.0,1.0,0.0,0.0,0.0" for i in range(4)]
+    (site / "beta_gt.csv").write_text("\n".join(["#timestamp,px,py,pz,qw,qx,qy,qz", *rows]) + "\n")
+    assert content(site)["robots"]["beta"]["ground_truth"] == "beta_gt.csv"
+
+
 def test_robots_of_their_numbers_are_no_guess(tmp_path: Path) -> None:
     for robot in ("turtle02", "turtle03"):
         write_ros1_bag(tmp_path / f"{robot}.bag", scans())

@@ -14,6 +14,7 @@ from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.radio.check.check import CheckResult, check_log
 from wiclosure.pipeline.radio.check.range_fit import fit_ranges
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 
@@ -56,7 +57,9 @@ def times(factor: float) -> Change:
 
 
 def turned(change: Callable[[float], float]) -> Change:
-    return lambda m: replace(m, paths=tuple(replace(p, azimuth=change(p.azimuth)) for p in m.paths))
+    return lambda m: replace(
+        m, paths=tuple(replace(p, azimuth=math.remainder(change(p.azimuth), math.tau)) for p in m.paths)
+    )
 
 
 def later(seconds: float) -> Change:
@@ -98,7 +101,7 @@ def test_a_clock_that_is_seconds_off() -> None:
 
 
 def test_a_unit_that_was_stated_wrongly() -> None:
-    assert suspects(check_log(changed(times(0.3048)), ODOMETRY, "ft")) == {"unit": "m"}
+    assert suspects(check_log(changed(times(0.3048)), ODOMETRY, RadioSource(topic="/r", unit="ft"))) == {"unit": "m"}
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(10**9, "ns"), (10**3, "ms")])
@@ -109,6 +112,14 @@ def test_stamps_of_another_unit(factor: int, unit: str) -> None:
     }
     log = changed(lambda m: replace(m, stamp_ns=(m.stamp_ns - START_S * 10**9 + 5 * 10**11) * factor))
     assert suspects(check_log(log, short)) == {"stamp_unit": unit}
+
+
+def test_corrections_are_laid_over_what_is_stated() -> None:
+    stated = RadioSource(topic="/r", clockwise=True, azimuth_zero="left", time_offset=1.0)
+    raw = changed(turned(lambda azimuth: azimuth - math.pi))  # counts to the left, from behind
+    read = WirelessLog(tuple(turned(lambda azimuth: math.pi / 2 - azimuth)(later(1.0)(m)) for m in raw.measurements))
+    found = suspects(check_log(read, ODOMETRY, stated))
+    assert found == {"time_offset": pytest.approx(0.0, abs=0.1), "clockwise": False, "azimuth_zero": "back"}
 
 
 def test_stamps_since_a_start_up() -> None:

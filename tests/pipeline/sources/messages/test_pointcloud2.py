@@ -139,6 +139,12 @@ def test_bad_points_go_together_with_their_time_and_intensity(
         np.testing.assert_allclose(scan.times, np.flatnonzero(good) * 0.0025, atol=1e-9)
 
 
+def test_numbers_beyond_all_places_are_no_returns() -> None:
+    columns = xyz()
+    columns["y"][0, 7], columns["z"][0, 9] = 3e38, -1e9
+    assert len(decode(Cloud(columns)).points) == 48
+
+
 def test_a_point_on_an_axis_is_kept() -> None:
     columns = {axis: np.zeros((1, 3), "f4") for axis in "xyz"}
     columns["y"][0, 1] = 5

@@ -139,6 +139,18 @@ def test_messages_that_hold_no_pose_are_left_out(tmp_path: Path, caplog: pytest.
         read_pose_topic(make.write(tmp_path / "b", {"/pose": (msgtype, messages[2:3])}), "/pose", "a")
 
 
+def test_one_stray_stamp_loses_one_pose(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    make = Messages("cdr")
+    msgtype = "nav_msgs/msg/Odometry"
+    messages = [
+        (int(s), make.message(msgtype, int(s) + (3600 * 10**9 if k == 2 else 0), T))
+        for k, (s, T) in enumerate(zip(STAMPS_NS, POSES, strict=True))
+    ]
+    read = read_pose_topic(make.write(tmp_path / "a", {"/odom": (msgtype, messages)}), "/odom", "a")
+    np.testing.assert_array_equal(read.trajectory.stamps_ns, np.delete(STAMPS_NS, 2))
+    assert "1 messages have stamps far from their neighbours'" in caplog.text
+
+
 # -------------------------------------------------------------------------------------------------- static transforms
 T_BASE_MAST = se3.from_yaw(np.pi / 2, np.array([0.0, 0, 1.0]))
 T_MAST_LIDAR = se3.from_yaw(0.0, np.array([0.5, 0, 0]))

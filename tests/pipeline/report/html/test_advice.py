@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure.pipeline.report.html.advice import next_steps
+from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.types import CandidatePairs, Stage, WirelessLog
+
+Runs = Callable[..., RunResult]
+
+
+def without(result: RunResult, **solution: object) -> RunResult:
+    return replace(result, solution=replace(result.solution, **solution))
+
+
+def filtered(result: RunResult, **changes: object) -> RunResult:
+    return without(result, filtered=replace(result.solution.filtered, **changes))
+
+
+def test_nothing_wrong_needs_nothing_done(run_of: Runs) -> None:
+    assert next_steps(run_of()) == []
+
+
+def test_why_robots_are_not_connected_and_that_the_radio_is_ambiguous(lost_run: RunResult) -> None:
+    connection, radio = next_steps(lost_run)
+    assert connection.startswith("beta and gamma are not connected: 1 of 4 closures were rejected at registration")
+    assert radio.startswith("The radio does not tell how beta and gamma lie: an alignment 5.0 m away")
+
+
+@pytest.mark.parametrize(
+    ("stage", "words"),
+    [
+        (Stage.REGISTRATION, "registration.min_inlier_ratio (now 0.4)"),
+        (Stage.RADIO_CHECK, "time offset, antenna axes and units"),
+        (Stage.CONSISTENCY, "share more of their paths"),
+        (Stage.ESTIMATE, "settings under drift"),
+    ],
+)
+def test_the_remedy_fits_the_stage_that_lost_most(lost_run: RunResult, stage: Stage, words: str) -> None:
+    lost = tuple(c for c in lost_run.solution.closures if c.rejected_at is stage)
+    assert words in next_steps(without(lost_run, closures=lost))[0]
+
+
+def test_no_closures_and_no_pairs(lost_run: RunResult) -> None:
+    silent = filtered(lost_run, alignments=())
+    assert "looks alike" in next_steps(without(silent, closures=()))[0]
+    none = np.zeros(0, np.int64)
+    pairs = tuple(
+        CandidatePairs.without_prediction(p.robot_a, p.robot_b, none, none) for p in silent.solution.filtered.pairs
+    )
+    assert "kept none of their pairs" in next_steps(without(filtered(silent, pairs=pairs), closures=()))[0]
+    assert next_steps(without(filtered(silent, pairs=()), closures=())) == [
+        "gamma: no pairs of keyframes with alpha, beta were looked at."
+    ]
+
+
+def test_false_closures_come_first(lost_run: RunResult) -> None:
+    closures = lost_run.metrics["closures"] | {"accepted_false": 2}
+    assert next_steps(replace(lost_run, metrics=lost_run.metrics | {"closures": closures}))[0].startswith(
+        "2 accepted closures are false"
+    )
+
+
+def test_a_log_without_measurements(run_of: Runs) -> None:
+    made = run_of()
+    silent = replace(made, inputs=replace(made.inputs, wireless=WirelessLog()))
+    assert next_steps(silent)[0].startswith("There is no radio measurement")
+    assert next_steps(filtered(silent, filter_name="none", alignments=())) == []

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+from wiclosure.pipeline.report.html.side_by_side import side_by_side
+
+
+def metrics_of(ate_m: float | None, closing_s: float, false: int, sent: int | None = 2_000_000) -> dict:
+    return {
+        "ate_m": {"team": ate_m},
+        "components": [{"robots": ["a", "b"]}],
+        "pairs_kept": 6192,
+        "candidates": {"recall": 0.5},
+        "closures": {"proposed": 27, "accepted": 25, "accepted_false": false},
+        "seconds": {"filter": 0.5, "verification": closing_s - 0.5, "odometry": 50.0, "total": 50 + closing_s},
+        "bytes_exchanged": sent,
+    }
+
+
+def test_differences_from_the_first_arm_with_units() -> None:
+    found = side_by_side([("none", metrics_of(0.118, 25.0, 4)), ("wiclosure", metrics_of(0.12, 2.5, 0, None))])
+    rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
+    assert found["header"] == ["", "none", "wiclosure"]
+    assert rows["error against ground truth (ATE)"] == [("0.118 m", ""), ("0.120 m", "+0.002 m (+2 %)")]
+    assert rows["time to find and use closures"] == [("25.0 s", ""), ("2.5 s", "-22.5 s (-90 %)")]
+    assert rows["false closures accepted"] == [("4", ""), ("0", "-4 (-100 %)")]
+    assert rows["pairs of keyframes kept"] == [("6,192", ""), ("6,192", "the same")]
+    assert rows["sent between robots"] == [("2 MB", ""), ("-", "")]
+
+
+def test_an_arm_without_connected_robots_has_no_error() -> None:
+    found = side_by_side([("none", metrics_of(None, 1.0, 0)), ("wiclosure", metrics_of(0.5, 1.0, 1))])
+    rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
+    assert rows["error against ground truth (ATE)"] == [("-", ""), ("0.500 m", "")]
+    assert rows["false closures accepted"] == [("0", ""), ("1", "+1")]
