@@ -1,4 +1,4 @@
-"""The merged map: the keyframes' clouds in one frame, one point a voxel, coloured by robot.
+"""The merged map: the keyframes' clouds in one frame, one point per voxel, coloured by robot.
 
 Voxels are gathered by tiles of ground.  When too many are in memory, all tiles go to a temporary folder, and come back
 one at a time when the map is finished: memory is bounded by one tile and by the finished points, 15 bytes each.
