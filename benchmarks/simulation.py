@@ -26,7 +26,7 @@ from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
 from wiclosure.frontends.kiss_odometry import KissOdometry
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
 from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
 
@@ -99,7 +99,7 @@ def distances_apart(drive: Views) -> list[FloatArray]:
     """Scan context distances within one drive, for each range of `APART_M`."""
     spectra = ColumnSpectra.of(drive.descriptors)
     i, j = np.triu_indices(len(drive.descriptors), 1)
-    distance, _ = compare(spectra, spectra, i, j)
+    distance, _ = compare_descriptors(spectra, spectra, i, j)
     apart_m = np.linalg.norm(drive.positions[i] - drive.positions[j], axis=1)
     return [distance[(apart_m >= low) & (apart_m < high)] for low, high in pairwise(APART_M)]
 
@@ -107,7 +107,7 @@ def distances_apart(drive: Views) -> list[FloatArray]:
 def distances_between(first: Float32Array, second: Float32Array) -> FloatArray:
     """Scan context distances between keyframes of two different places."""
     i, j = np.meshgrid(np.arange(len(first)), np.arange(len(second)), indexing="ij")
-    return compare(ColumnSpectra.of(first), ColumnSpectra.of(second), i.ravel(), j.ravel())[0]
+    return compare_descriptors(ColumnSpectra.of(first), ColumnSpectra.of(second), i.ravel(), j.ravel())[0]
 
 
 def recorded_team_error() -> tuple[int, float, float]:
