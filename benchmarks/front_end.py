@@ -175,11 +175,12 @@ def descriptor() -> None:
 def pairs() -> None:
     rng = np.random.default_rng(0)
     count = 1050
-    contexts = [rng.random((count, 20, 60)).astype(np.float32) for _ in range(2)]
+    first, second = (rng.random((count, 20, 60)).astype(np.float32) for _ in range(2))
+    contexts = (first, second)
     for images in contexts:
         images[:, :, :5] = 0.0  # some columns are empty, as where the sensor does not look
     a, b = np.divmod(np.arange(count**2), count)
-    spectra = [ColumnSpectra.of(images) for images in contexts]
+    spectra = (ColumnSpectra.of(first), ColumnSpectra.of(second))
 
     def by_definition(rows: IntArray) -> FloatArray:
         """Every shift by rolling columns (paper, eqs. 6 and 7)."""
@@ -387,7 +388,8 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
     print(f"  filter keeps {near.sum()} of {(apart <= near_m).sum()} pairs within {near_m:g} m, {len(kept)} in all")
     if kept.predicts is None:
         print("  its alignment is ambiguous: it predicts nothing")
-    best = match(kept, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), config.matching).closures
+    descriptors_a, descriptors_b = (fronts[r].descriptors for r in (kept.robot_a, kept.robot_b))
+    best = match(kept, descriptors_a, descriptors_b, config.matching).closures
     print(f"  proposed: {verified(best, filtered, fronts, ends, near_m)}")
     rng = np.random.default_rng(0)
     exhaustive = MatchingSettings(
@@ -408,7 +410,7 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
             kept.mahalanobis[rows],
             kept.predictor,
         )
-        closures = match(some, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), exhaustive).closures
+        closures = match(some, descriptors_a, descriptors_b, exhaustive).closures
         print(f"  {label}, any looks: {verified(closures, filtered, fronts, ends, near_m)}")
 
 
