@@ -27,7 +27,7 @@ from wiclosure.frontends.config import (
 )
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.presets import Layer, read_layers
-from wiclosure.pipeline.runtime.settings_text import explain, merge, nest, nested_words
+from wiclosure.pipeline.runtime.settings_text import explain, merged_settings, nest, nested_words
 from wiclosure.settings import Settings
 from wiclosure.wiclosure_filter.config import FilterSettings
 
@@ -74,7 +74,7 @@ def load_config(
     layers.append(Layer("--set", nested_words(overrides, "--set")))
     merged: dict[str, Any] = {}
     for place, layer in layers:
-        merged = merge(merged, layer)
+        merged = merged_settings(merged, layer)
         # Validated layer by layer, so that an error names the place that brought it.
         try:
             config = Config.model_validate(merged)
@@ -116,7 +116,7 @@ def _from_environment(environment: Mapping[str, str]) -> dict[str, Any]:
     for name in sorted(environment):
         if name.startswith(ENVIRONMENT_PREFIX) and name not in NOT_SETTINGS:
             keys = name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")
-            nested = merge(nested, nest(keys, environment[name]))
+            nested = merged_settings(nested, nest(keys, environment[name]))
     return nested
 
 

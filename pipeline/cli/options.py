@@ -54,7 +54,7 @@ NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
 Salvage = Annotated[bool, typer.Option("--salvage", help="read damaged bags as far as possible")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bars and no table")]
-Json = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
+AsJson = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Working:
     ] = 1
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False
     quiet: Quiet = False
-    as_json: Json = False
+    as_json: AsJson = False
 
     @property
     def progress(self) -> Progress:

@@ -50,7 +50,9 @@ def reproduce(
         compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
         write_comparison(scratch, compared)
         write_comparison_page(scratch, compared)
-        (scratch / "reproduce.md").write_text(reproducing.report(chosen, compared, n_scans), encoding="utf-8")
+        (scratch / "reproduce.md").write_text(
+            reproducing.reproduction_report(chosen, compared, n_scans), encoding="utf-8"
+        )
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:

@@ -13,11 +13,11 @@ import typer
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
     WIRELESS_HELP,
+    AsJson,
     ConfigName,
     Configuration,
     Data,
     FilterName,
-    Json,
     Overwrite,
     Quiet,
     Reading,
@@ -122,7 +122,7 @@ def filter_command(
     config: ConfigName = None,
     set_: Set = None,
     quiet: Quiet = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
 
@@ -152,7 +152,7 @@ def filter_command(
 
 def eval_command(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
     from rich.console import Console
@@ -171,7 +171,7 @@ def eval_command(
         Console().print(trajectory_table(errors))
 
 
-def dump_config(
+def dump_config_command(
     config: ConfigName = None,
     set_: Set = None,
     presets: Annotated[bool, typer.Option("--presets", help="list the names of the presets instead")] = False,
