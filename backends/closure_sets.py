@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId, Trajectory
-
-LIVE = (Decision.VERIFIED, Decision.ACCEPTED)
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Measured, Stage, Trajectory, measured_poses
 
 _LEAST_WEIGHT = 1e-3  # no closure weighs nothing
+
+
+class Verdict(NamedTuple):
+    """What a stage decides on one closure, and why."""
+
+    accepted: bool
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +90,7 @@ class ClosureSet:
 def closure_sets(
     closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], noise: ClosureNoise
 ) -> tuple[list[ClosureSet], dict[int, str]]:
-    """Groups the verified and accepted closures by pairs of robots.
+    """Groups the live closures (measured, and not rejected so far) by pairs of robots.
 
     Which robot comes first depends on how it started and not on its name or place, so that renamed or reordered robots
     get the same answer to the last digit.
@@ -101,11 +106,11 @@ def closure_sets(
     rows: dict[tuple[int, int], list[int]] = {}
     unusable: dict[int, str] = {}
     for row, closure in enumerate(closures):
-        if closure.decision not in LIVE:
+        if closure.measured is None or not closure.live:
             continue
         for end in (closure.query, closure.match):
             _check_keyframe(end, trajectories)
-        if reason := _defect(closure):
+        if reason := _defect(closure, closure.measured):
             unusable[row] = reason
             continue
         a, b = sorted((order[closure.query.robot], order[closure.match.robot]))
@@ -113,11 +118,11 @@ def closure_sets(
     return [_stacked(robots[a], robots[b], rows[a, b], closures, noise) for a, b in sorted(rows)], unusable
 
 
-def decided(closures: Sequence[Closure], decisions: Mapping[int, tuple[Decision, str]]) -> list[Closure]:
-    """The closures in their order, with the decisions and reasons given for some rows."""
+def decided(closures: Sequence[Closure], stage: Stage, verdicts: Mapping[int, Verdict]) -> list[Closure]:
+    """The closures in their order, as a stage leaves them that decided on some rows."""
     result = list(closures)
-    for row, (decision, reason) in decisions.items():
-        result[row] = replace(result[row], decision=decision, reason=reason)
+    for row, (accepted, reason) in verdicts.items():
+        result[row] = result[row].accepted(stage, reason) if accepted else result[row].rejected(stage, reason)
     return result
 
 
@@ -140,15 +145,15 @@ def _check_keyframe(key: KeyframeId, trajectories: Mapping[str, Trajectory]) -> 
         )
 
 
-def _defect(closure: Closure) -> str:
+def _defect(closure: Closure, measured: Measured) -> str:
     """Why a measurement cannot be used; empty if it can."""
     if closure.query == closure.match:
         return "closes a keyframe on itself"
-    if not np.isfinite(closure.T_query_match).all():
+    if not np.isfinite(measured.T_query_match).all():
         return "its transform is not finite"
-    if not np.isfinite(closure.covariance).all():
+    if not np.isfinite(measured.covariance).all():
         return "its covariance is not finite"
-    if np.linalg.eigvalsh(closure.covariance)[0] < 0:
+    if np.linalg.eigvalsh(measured.covariance)[0] < 0:
         return "its covariance is not positive"
     return ""
 
@@ -158,12 +163,12 @@ def _stacked(
 ) -> ClosureSet:
     chosen = [closures[row] for row in rows]
     query, match = np.array([[c.query.index, c.match.index] for c in chosen], dtype=np.int64).T
-    T = np.stack([c.T_query_match for c in chosen]).astype(float)
-    covariance = np.stack([c.covariance for c in chosen]).astype(float)
+    T, covariance = (part.astype(float) for part in measured_poses(chosen))
     covariance = covariance + np.diag(np.repeat([noise.rotation_rad**2, noise.translation_m**2], 3))
     turned = query > match if robot_a == robot_b else np.array([c.query.robot != robot_a for c in chosen])
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     index_a, index_b = np.where(turned, match, query), np.where(turned, query, match)
-    weight = np.maximum(np.nan_to_num([c.evidence.inlier_ratio for c in chosen], nan=1.0), _LEAST_WEIGHT)
+    matched = [1.0 if c.evidence is None else c.evidence.inlier_ratio for c in chosen]
+    weight = np.maximum(matched, _LEAST_WEIGHT)
     return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance, weight)

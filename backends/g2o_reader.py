@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.backends.g2o_lines import Edge, G2oLines, Pose, pose_name
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, Evidence, FloatArray, IntArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Trajectory
 
 FIGURES = re.compile(r"[0-9.]+")
 
@@ -182,6 +182,6 @@ def _closures(
             unusable.append(UnusableEdge(pose_name(*edge.first), pose_name(*edge.second), edge.place, reason))
             continue
         query, match = position[edge.first], position[edge.second]
-        closures.append(Closure(query, match, *edge.measured(warnings), Evidence(), Decision.VERIFIED))
+        closures.append(Closure.from_measurement(query, match, *edge.measured(warnings)))
         places.append(edge.place)
     return closures, places, unusable

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure.backends.factors import Keys
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.errors import OutputError
-from wiclosure.types import Decision, FloatArray
+from wiclosure.types import Closure, FloatArray, measured_poses
 
 TRANSLATION_FIRST = np.array([3, 4, 5, 0, 1, 2])  # g2o's order
 
@@ -87,21 +87,21 @@ def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterato
 
 def _rejected(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:
     """Two comments for each rejected closure that states a measurement: why, and the edge that it would have been."""
-    rejected = [
-        c for c in result.closures if c.decision is Decision.REJECTED and _measures(c.T_query_match, c.covariance)
-    ]
+    rejected = [c for c in result.closures if c.rejected_at is not None and _measures(c)]
     if not rejected:
         return
-    information = np.linalg.inv(np.stack([c.covariance for c in rejected]))
-    for closure, edge in zip(rejected, _edges(np.stack([c.T_query_match for c in rejected]), information), strict=True):
+    T_query_match, covariance = measured_poses(rejected)
+    for closure, edge in zip(rejected, _edges(T_query_match, np.asarray(np.linalg.inv(covariance))), strict=True):
         first, second = (numbers[key.robot][key.index] for key in (closure.query, closure.match))
         yield f"# rejected: {closure.reason}"
         yield f"# EDGE_SE3:QUAT {first} {second} {edge}"
 
 
-def _measures(T: FloatArray, covariance: FloatArray) -> bool:
-    finite = bool(np.isfinite(T).all() and np.isfinite(covariance).all())
-    return finite and bool(np.linalg.eigvalsh(covariance)[0] > 0)
+def _measures(closure: Closure) -> bool:
+    if closure.measured is None or not np.isfinite(closure.measured.T_query_match).all():
+        return False
+    covariance = closure.measured.covariance
+    return bool(np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0)
 
 
 def _edges(T: FloatArray, information: FloatArray) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.factors import Keys
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, FloatArray, IntArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, survivors
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,10 @@ class GraphResult:
     values: gtsam.Values
     sigma_scale: float = 1.0
 
+    def __repr__(self) -> str:
+        joined = "; ".join(" and ".join(component) for component in self.components)
+        return f"GraphResult({joined}; {len(self.accepted)} of {len(self.closures)} closures accepted)"
+
     @property
     def unconnected(self) -> tuple[str, ...]:
         """Robots that do not lie in the first robot's frame."""
@@ -48,24 +52,24 @@ class GraphResult:
     @property
     def accepted(self) -> tuple[Closure, ...]:
         """The closures in the estimate."""
-        return tuple(c for c in self.closures if c.decision is Decision.ACCEPTED)
+        return tuple(survivors(self.closures, Stage.ESTIMATE))
 
     def residuals(self, closures: Sequence[Closure]) -> FloatArray:
-        """Tangent vectors `(N, 6)` from each measurement to the estimate; NaN where the robots are not connected."""
+        """Tangent vectors `(N, 6)` from each closure's pose to the estimate; NaN where the robots are not connected."""
         found = np.full((len(closures), 6), np.nan)
         component = {robot: n for n, group in enumerate(self.components) for robot in group}
         known = [
             n
             for n, c in enumerate(closures)
             if component.get(c.query.robot, -1) == component.get(c.match.robot, -2)
-            and np.isfinite(c.T_query_match).all()
+            and np.isfinite(c.best_T_query_match).all()
         ]
         if known:
             ends = [(closures[n].query, closures[n].match) for n in known]
             query, match = (
                 np.stack([self.trajectories[k.robot].poses[k.index] for k in end]) for end in zip(*ends, strict=True)
             )
-            measured = np.stack([closures[n].T_query_match for n in known])
+            measured = np.stack([closures[n].best_T_query_match for n in known])
             found[known] = se3.log(se3.between(measured, se3.between(query, match)))
         return found
 
@@ -98,8 +102,8 @@ class GraphResult:
         return np.asarray(self.sigma_scale**2 * J @ joint @ J.T)
 
 
-def carried(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:
-    """The poses of all scans in the world, carried along with their keyframes.
+def propagate_to_scans(scans_odom: Trajectory, keyframes_odom: Trajectory, keyframes_world: Trajectory) -> Trajectory:
+    """The poses of all scans in the world, from those of their keyframes.
 
     Each scan keeps its odometry relative to the keyframe before and to the one after; where these two disagree, the
     pose moves from one to the other with time.  Exact at the keyframes.

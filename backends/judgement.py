@@ -7,10 +7,10 @@ from math import comb, log
 
 import numpy as np
 
-from wiclosure.backends.closure_sets import ClosureSet
+from wiclosure.backends.closure_sets import ClosureSet, Verdict
 from wiclosure.backends.config import PcmSettings
 from wiclosure.max_clique import Clique, max_clique
-from wiclosure.types import BoolArray, Decision, FloatArray
+from wiclosure.types import BoolArray, FloatArray
 
 BELIEVABLE_CHANCE = 0.05  # expected number of sets as large that chance alone would make
 
@@ -41,8 +41,8 @@ class PairConsistency:
     sentence: str
 
 
-Verdicts = dict[int, tuple[Decision, str]]
-"""Decision and reason by row of the closure list."""
+Verdicts = dict[int, Verdict]
+"""By row of the closure list."""
 
 
 def judge(
@@ -168,14 +168,14 @@ def chance_sets(consistent: BoolArray, members: BoolArray, chance: float) -> flo
 
 def _verdicts(z: ClosureSet, consistent: BoolArray, members: BoolArray, doubt: str) -> Verdicts:
     if doubt:
-        return {int(row): (Decision.REJECTED, doubt) for row in z.rows}
+        return {int(row): Verdict(False, doubt) for row in z.rows}
     size = int(members.sum())
     support = consistent[:, members].sum(axis=1)
     return {
-        int(row): (Decision.ACCEPTED, f"one of {size} closures that agree")
+        int(row): Verdict(True, f"one of {size} closures that agree")
         if member
-        else (
-            Decision.REJECTED,
+        else Verdict(
+            False,
             f"inconsistent with the {size} closures of the largest consistent set (agrees with {agrees})",
         )
         for row, member, agrees in zip(z.rows, members, support, strict=True)

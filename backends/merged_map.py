@@ -44,6 +44,9 @@ class MergedMap:
     points: Float32Array
     colours: NDArray[np.uint8]
 
+    def __repr__(self) -> str:
+        return f"MergedMap({len(self)} points)"
+
     def __len__(self) -> int:
         return len(self.points)
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wiclosure.backends.closure_sets import LIVE, ClosureSet, closure_sets, decided
+from wiclosure.backends.closure_sets import ClosureSet, Verdict, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency import PairGraph, doublings
 from wiclosure.backends.judgement import PairConsistency, Verdicts, judge
 from wiclosure.max_clique import max_clique
-from wiclosure.types import Closure, Decision, FloatArray, Trajectory
+from wiclosure.types import Closure, FloatArray, Stage, Trajectory
 
 ENLARGED = 1.1  # doubling sigma is right as long as it makes the consistent sets so many times larger,
 ENLARGED_BY = 3  # and by so many closures: one or two more may be chance
@@ -48,10 +48,10 @@ class PcmResult:
 def pairwise_consistent(
     closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings
 ) -> PcmResult:
-    """Accepts, for each pair of robots, the largest set of verified closures that agree; rejects the others.
+    """Accepts, for each pair of robots, the largest set of live closures that agree; rejects the others.
 
     Args:
-        closures: any; those neither verified nor accepted pass through unchanged.
+        closures: any; those not measured yet, or rejected, pass through unchanged.
         trajectories: keyframe odometry by robot, with its drift model; each robot in its own frame.
         settings: see `PcmSettings`.
 
@@ -102,28 +102,24 @@ class IncrementalPcm:
 
     @property
     def believed_rows(self) -> frozenset[int]:
-        """Positions of the accepted closures among all that were added; of all verified ones without PCM."""
+        """Positions of the accepted closures among all that were added; of all live ones without PCM."""
         if not self.settings.enabled:
             usable = set(range(len(self._closures))) - self._unusable.keys()
-            return frozenset(row for row in usable if self._closures[row].decision in LIVE)
-        accepted = Decision.ACCEPTED
-        return frozenset(
-            row for _, vs in self._judged.values() for row, (decision, _) in vs.items() if decision is accepted
-        )
+            return frozenset(row for row in usable if self._closures[row].live)
+        return frozenset(row for _, vs in self._judged.values() for row, verdict in vs.items() if verdict.accepted)
 
     def result(self) -> PcmResult:
         """All closures with their decisions."""
         if not self.settings.enabled:
             return PcmResult(tuple(self._closures), ())
-        decisions = {row: (Decision.REJECTED, reason) for row, reason in self._unusable.items()}
+        decided_on = {row: Verdict(False, reason) for row, reason in self._unusable.items()}
         for _, verdicts in self._judged.values():
-            decisions |= verdicts
-        closures = decided(self._closures, decisions)
+            decided_on |= verdicts
+        closures = decided(self._closures, Stage.CONSISTENCY, decided_on)
         for graph in self._graphs.values():
             degrees = graph.consistent(self._level).sum(axis=1).tolist()
             for row, degree in zip(graph.z.rows[graph.alive(self._level)], degrees, strict=True):
-                evidence = replace(closures[row].evidence, consistent_with=degree)
-                closures[row] = replace(closures[row], evidence=evidence)
+                closures[row] = replace(closures[row], consistent_with=degree)
         return PcmResult(tuple(closures), tuple(report for report, _ in self._judged.values()), 2.0**self._level)
 
     def _judge(self, changed: Sequence[tuple[str, str]], trajectories: Mapping[str, Trajectory]) -> None:
@@ -153,11 +149,11 @@ class IncrementalPcm:
     def _of_pair(self, graph: PairGraph, trajectories: Mapping[str, Trajectory]) -> tuple[PairConsistency, Verdicts]:
         alive = graph.alive(self._level)
         checked = graph.z.subset(alive)
-        predicted = any(np.isfinite(self._closures[row].evidence.prior_chi2) for row in checked.rows)
+        predicted = any(self._closures[row].prediction is not None for row in checked.rows)
         places = None if predicted else _places(checked, trajectories)
         report, verdicts = judge(checked, graph.consistent(self._level), places, self.settings)
         stray = set(graph.z.rows.tolist()) - set(checked.rows.tolist())
-        return report, verdicts | dict.fromkeys(stray, (Decision.REJECTED, "contradicts the robot's own odometry"))
+        return report, verdicts | dict.fromkeys(stray, Verdict(False, "contradicts the robot's own odometry"))
 
 
 def _places(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.backends.closure_sets import ClosureSet, closure_sets, decided
+from wiclosure.backends.closure_sets import ClosureSet, Verdict, closure_sets, decided
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.factors import (
     Keys,
@@ -24,11 +24,11 @@ from wiclosure.backends.factors import (
     with_factors,
 )
 from wiclosure.backends.frames import components, initial_frames
-from wiclosure.backends.graph_result import GraphResult, carried
+from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.radio_factors import radio_factors
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, FloatArray, RadioLinks, Trajectory
+from wiclosure.types import Closure, FloatArray, RadioLinks, Residual, Stage, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -51,12 +51,12 @@ def optimise(
     settings: PoseGraphSettings,
     radio: Sequence[RadioLinks] = (),
 ) -> GraphResult:
-    """Merges the robots' keyframe trajectories over their verified or accepted closures.
+    """Merges the robots' keyframe trajectories over their live closures.
 
     Args:
         trajectories: keyframe odometry by robot, with its drift model; the odometry frame of `settings.anchor`, or of
             the first robot, is the world.
-        closures: between robots or within one; those neither verified nor accepted pass through unchanged.
+        closures: between robots or within one; those not measured yet, or rejected, pass through unchanged.
         settings: see `PoseGraphSettings`.
         radio: measurements between robots; used where `settings.radio` says so.
 
@@ -75,7 +75,7 @@ def optimise(
     radio = radio if settings.radio else ()
     found = _estimate(trajectories, sets, radio, settings)
     kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
-    verdicts = {row: (Decision.REJECTED, reason) for row, reason in unusable.items()}
+    verdicts = {row: Verdict(False, reason) for row, reason in unusable.items()}
     for z, mask in zip(sets, found.believed, strict=True):
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept, radio)
@@ -87,7 +87,7 @@ def optimise(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=groups,
-        closures=tuple(decided(closures, verdicts)),
+        closures=tuple(decided(closures, Stage.ESTIMATE, verdicts)),
         diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
         graph=graph,
         values=values,
@@ -97,11 +97,11 @@ def optimise(
 
 
 def _with_residuals(result: GraphResult) -> tuple[Closure, ...]:
-    """Every closure with its distance from the estimate, whatever was decided on it."""
+    """Every closure with its distance from the estimate, whatever was decided on it; None where nothing connects."""
     residuals = result.residuals(result.closures)
     angles, distances = (np.linalg.norm(part, axis=1).tolist() for part in (residuals[:, :3], residuals[:, 3:]))
     return tuple(
-        replace(c, evidence=replace(c.evidence, residual_m=m, residual_rad=rad))
+        replace(c, residual=Residual(m, rad) if np.isfinite(m) else None)
         for c, m, rad in zip(result.closures, distances, angles, strict=True)
     )
 
@@ -177,7 +177,7 @@ def _decide(
     for robot, trajectory in trajectories.items():
         held = trajectory.subset(nodes[robot])
         solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
-        poses[robot] = carried(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
+        poses[robot] = propagate_to_scans(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
     return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
 
 
@@ -227,16 +227,16 @@ def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict
 # ------------------------------------------------------------------------------------------------------------ reports
 def _verdicts(
     z: ClosureSet, mask: NDArray[np.bool_], poses: Mapping[str, FloatArray], closures: Sequence[Closure]
-) -> dict[int, tuple[Decision, str]]:
-    """Decision and reason by row of the closure list."""
+) -> dict[int, Verdict]:
+    """By row of the closure list."""
     estimated = se3.between(poses[z.robot_a][z.index_a], poses[z.robot_b][z.index_b])
     error = se3.between(z.T_a_b, estimated)
     metres = np.linalg.norm(error[:, :3, 3], axis=1)
     degrees = np.degrees(se3.rotation_angle(error))
     return {
-        int(row): (Decision.ACCEPTED, closures[row].reason or "agrees with the estimate")
+        int(row): Verdict(True, closures[row].reason or "agrees with the estimate")
         if keep
-        else (Decision.REJECTED, f"contradicts the joint estimate, {m:.2f} m and {d:.1f} degrees off it")
+        else Verdict(False, f"contradicts the joint estimate, {m:.2f} m and {d:.1f} degrees off it")
         for row, keep, m, d in zip(z.rows, mask, metres, degrees, strict=True)
     }
 

@@ -18,7 +18,7 @@ from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_f
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.pcm import IncrementalPcm
 from wiclosure.backends.pose_graph import optimise
-from wiclosure.types import Closure, FloatArray, Trajectory
+from wiclosure.types import Closure, FloatArray, Stage, Trajectory
 
 
 class StreamingBackEnd:
@@ -114,7 +114,7 @@ class StreamingBackEnd:
         pcm = self._pcm.result()
         estimate = optimise(self._odometry, pcm.closures, self._settings)
         believed = self._pcm.believed_rows
-        accepted = sorted(row for row in believed if estimate.closures[row].decision.value == "accepted")
+        accepted = sorted(row for row in believed if estimate.closures[row].survived(Stage.ESTIMATE))
         anchors = [
             anchor(self._keys(group[0], 0), gtsam.Pose3(estimate.trajectories[group[0]].poses[0]))
             for group in estimate.components

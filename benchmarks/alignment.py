@@ -26,7 +26,8 @@ from wiclosure.types import (
     WirelessMeasurement,
 )
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
 AREA_M = 25.0
 FOUND_M = 4.0
@@ -128,14 +129,15 @@ def run(knowledge: str, radio: Radio, trials: int, seed: int, settings: Alignmen
     for _ in range(trials):
         trial = make_trial(rng, knowledge, radio)
         begin = time.perf_counter()
-        result = align("a", "b", trial.trajectories, trial.wireless, settings)
+        links = TeamLinks.of(trial.trajectories, trial.wireless, GatheringLimits.of(settings))
+        result = align(links.by_pair["a", "b"], trial.trajectories, settings)
         seconds += time.perf_counter() - begin
         right = is_right(result.best, trial)
         found += right
         certain += not result.ambiguous
         wrong += not result.ambiguous and not right
         few += bool(result.rivals)
-        few_wrong += bool(result.rivals) and not right and not any(is_right(rival, trial) for rival in result.rivals)
+        few_wrong += bool(result.rivals) and not right and not any(is_right(other, trial) for other in result.rivals)
     return {
         "found": found / trials,
         "certain": certain / trials,

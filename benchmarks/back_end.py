@@ -37,7 +37,7 @@ from wiclosure.backends.pose_graph import optimise
 from wiclosure.backends.streaming import StreamingBackEnd
 from wiclosure.drift import DriftModel
 from wiclosure.max_clique import max_clique
-from wiclosure.types import Closure, Decision, Evidence, FloatArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)  # closures here state their covariance in full
 NETWORKX_SECONDS = 60.0
@@ -123,7 +123,7 @@ def _true_closures(rng: np.random.Generator, truth: dict[str, FloatArray], count
     T = se3.between(poses[chosen[:, 0]], poses[chosen[:, 1]]) @ se3.exp(rng.normal(size=(len(chosen), 6)) * LOOP_SIGMA)
     covariance = np.diag(LOOP_SIGMA**2)
     return [
-        Closure(KeyframeId(*keys[a]), KeyframeId(*keys[b]), T_ab, covariance, Evidence(), Decision.VERIFIED)
+        Closure.from_measurement(KeyframeId(*keys[a]), KeyframeId(*keys[b]), T_ab, covariance)
         for (a, b), T_ab in zip(chosen, T, strict=True)
     ]
 
@@ -133,7 +133,7 @@ def _false_closure(rng: np.random.Generator, odometry: dict[str, Trajectory]) ->
     a, b = rng.choice(list(odometry), 2, replace=False)
     T = se3.from_yaw(rng.choice([0.0, np.pi]) + rng.normal(0, 0.05), np.array([*rng.normal(0, 4, 2), 0.0]))
     ends = (KeyframeId(str(r), int(rng.integers(len(odometry[r])))) for r in (a, b))
-    return Closure(*ends, T, np.diag(LOOP_SIGMA**2), Evidence(), Decision.VERIFIED)
+    return Closure.from_measurement(*ends, T, np.diag(LOOP_SIGMA**2))
 
 
 def solved(team: Team, pcm: PcmSettings | None = None, graph: PoseGraphSettings | None = None) -> GraphResult:
@@ -153,8 +153,8 @@ def ate_m(result: GraphResult, truth: dict[str, FloatArray]) -> float:
 
 
 def accepted(closures: tuple[Closure, ...]) -> np.ndarray:
-    """Which closures were believed."""
-    return np.array([c.decision is Decision.ACCEPTED for c in closures])
+    """Which closures nothing has rejected."""
+    return np.array([c.rejected_at is None for c in closures])
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
@@ -165,15 +165,11 @@ def perfect(_: argparse.Namespace) -> None:
         rng = np.random.default_rng(seed)
         poses = se3.from_rotation_translation(_random_rotations(rng, 100), rng.normal(0, 100, (100, 3)))
         own = {r: rng.permutation(100) for r in ("a", "b")}
-        odometry = {
-            r: Trajectory(r, np.arange(100, dtype=np.int64), poses[own[r]]).moved(poses[n]) for n, r in enumerate(own)
-        }
+        odometry = {r: Trajectory(r, np.arange(100) * 10**9, poses[own[r]]).moved(poses[n]) for n, r in enumerate(own)}
         ends = rng.integers(0, 100, (40, 2))
         T = se3.between(poses[own["a"][ends[:, 0]]], poses[own["b"][ends[:, 1]]])
         closures = [
-            Closure(
-                KeyframeId("a", int(i)), KeyframeId("b", int(j)), T_ab, np.eye(6) * 1e-4, Evidence(), Decision.VERIFIED
-            )
+            Closure.from_measurement(KeyframeId("a", int(i)), KeyframeId("b", int(j)), T_ab, np.eye(6) * 1e-4)
             for (i, j), T_ab in zip(ends, T, strict=True)
         ]
         (z,), _ = closure_sets(closures, odometry, STATED)
@@ -261,13 +257,8 @@ def _on_kitti(team: Drive, rng: np.random.Generator, n_true: int, n_false: int) 
     ends, T = np.concatenate([near, far]), np.concatenate([T_true, T_false])
     order = rng.permutation(len(ends))
     closures = [
-        Closure(
-            KeyframeId(a, int(ends[n, 0])),
-            KeyframeId(b, int(ends[n, 1])),
-            T[n],
-            np.diag(sigma**2),
-            Evidence(),
-            Decision.VERIFIED,
+        Closure.from_measurement(
+            KeyframeId(a, int(ends[n, 0])), KeyframeId(b, int(ends[n, 1])), T[n], np.diag(sigma**2)
         )
         for n in order
     ]

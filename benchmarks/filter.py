@@ -21,13 +21,13 @@ from radio import Radio
 
 from wiclosure import se3
 from wiclosure.formats.filter_summary import peak_rss_mb
+from wiclosure.pipeline.config import load_config
 from wiclosure.types import CandidatePairs, FilterResult, FloatArray, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import find_overlap
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.shared_trajectory import share_trajectories
 
 TRUE_M = 35.0
 
@@ -51,7 +51,7 @@ def score(result: FilterResult, team: Team) -> Score:
     true = kept = both = 0
     inside, squared = [], []
     for pairs in result.pairs:
-        if pairs.predictor is None:
+        if pairs.predicts is None:
             continue  # nothing joins these robots
         a, b = team.truth[pairs.robot_a], team.truth[pairs.robot_b]
         near = np.linalg.norm(a.positions[:, None] - b.positions[None], axis=2) <= TRUE_M
@@ -113,8 +113,8 @@ def against_brute_force() -> None:
     team = whole.keyframes(2.0)
     wireless = Radio().listen(whole.truth, 0)
     chosen = WiClosureFilter()
-    alignments = chosen.align(team.odometry, wireless)
-    shared = share_trajectories(team.odometry, wireless, alignments, chosen.settings)
+    links = chosen.gather(team.odometry, wireless).by_pair
+    shared = chosen.share(team.odometry, links, list(chosen.align(team.odometry, links).values()))
     gate = make_gate(chosen.settings.gate)
     for (a, b), estimate in shared.estimates.items():
         (model,) = estimate.models(a, b)
@@ -156,9 +156,10 @@ def on_long_roads(settings: FilterSettings) -> None:
         wireless = Radio().listen(team.truth, 0)
         chosen = WiClosureFilter(settings)
         start = perf_counter()
-        alignments = chosen.align(team.odometry, wireless)
+        links = chosen.gather(team.odometry, wireless).by_pair
+        alignments = list(chosen.align(team.odometry, links).values())
         aligned = perf_counter()
-        shared = share_trajectories(team.odometry, wireless, alignments, settings)
+        shared = chosen.share(team.odometry, links, alignments)
         models: tuple[PairModel, ...] = ()
         if ("alpha", "beta") in shared.estimates:
             models = shared.estimates["alpha", "beta"].models("alpha", "beta")
@@ -182,7 +183,7 @@ def main() -> None:
     parser.add_argument("--skip-long", action="store_true")
     arguments = parser.parse_args()
     shared = SharedTrajectorySettings(drift_weight=arguments.drift_weight)
-    settings = FilterSettings.as_in_paper() if arguments.paper else FilterSettings(shared_trajectory=shared)
+    settings = load_config("paper").filter if arguments.paper else FilterSettings(shared_trajectory=shared)
     if not arguments.skip_long:
         on_long_roads(settings)
         against_brute_force()

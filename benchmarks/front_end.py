@@ -28,40 +28,40 @@ from kiss_icp.kiss_icp import KissICP
 from odometry import PackedScans, peak_resident_mb
 
 from wiclosure import se3
+from wiclosure.drift import DriftModel
 from wiclosure.frontends.config import (
-    FrontEndSettings,
+    IntraRobotLoopSettings,
     KeyframeSettings,
     MatchingSettings,
     OdometrySettings,
-    RevisitSettings,
     ScanContextSettings,
 )
-from wiclosure.frontends.front_end import FrontEnd, FrontEndResult
+from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.matching import match
-from wiclosure.frontends.odometry import KissOdometry
 from wiclosure.frontends.registration import Registration
-from wiclosure.frontends.revisits import revisits
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.inputs import Inputs, open_inputs
+from wiclosure.pipeline.data.inputs import Inputs
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends
-from wiclosure.pipeline.stages.radio_check import unless_filter_objects
+from wiclosure.pipeline.stages.radio_check import radio_checked
 from wiclosure.pipeline.stages.run import candidate_filter
 from wiclosure.types import (
     CandidatePairs,
     Closure,
-    Decision,
-    Evidence,
     FilterResult,
     Float32Array,
     FloatArray,
     IntArray,
     KeyframeId,
-    Prior,
+    Prediction,
+    PredictionKind,
     Trajectory,
 )
 
@@ -99,14 +99,14 @@ def odometry() -> None:
     # Both on one core: KISS-ICP settles its threads once in a process.
     one = RegistrationConfig(max_num_threads=1)
     kiss = KissICP(KISSConfig(data=DataConfig(), mapping=MappingConfig(voxel_size=voxel_m), registration=one))
-    ours = FrontEnd(FrontEndSettings(), "alpha")
+    ours = OdometryRun(OdometrySettings(), [KeyframeSettings()], "alpha")
     bare_s = ours_s = 0.0
     with row("odometry, keyframes and descriptors against a bare KISS-ICP loop", "<= 1.10 x"):
         for index in range(len(scans)):
             scan = scans.scan(index)
             ours_s += seconds_of(partial(ours.process, scan))
             bare_s += seconds_of(partial(kiss.register_frame, scan.points, np.zeros(0)))
-        ours_s += seconds_of(ours.result)
+        ours_s += seconds_of(lambda: describe_all(ours.results()[0].clouds, ScanContextSettings()))
         print(f"  {len(scans)} scans: bare {bare_s:.2f} s, ours {ours_s:.2f} s, {ours_s / bare_s:.2f} x")
 
 
@@ -213,14 +213,10 @@ def pairs() -> None:
             print(f"  matching over {kind}: {matching_s:.2f} s")
 
 
-def perturbed(T: FloatArray, rng: np.random.Generator) -> Prior:
+def perturbed(T: FloatArray, rng: np.random.Generator) -> Prediction:
     """A prediction of `T`: 1 m and 3 degrees off, and saying so."""
     sigma = np.array([0.01, 0.01, np.radians(3.0), 0.7, 0.7, 0.2])
-    return T @ se3.exp(rng.normal(0, sigma)), np.diag(np.square(sigma))
-
-
-def proposed(a: KeyframeId, b: KeyframeId, prior: Prior) -> Closure:
-    return Closure(a, b, prior[0], prior[1], Evidence(), Decision.PROPOSED)
+    return Prediction(T @ se3.exp(rng.normal(0, sigma)), np.diag(np.square(sigma)), PredictionKind.POSE)
 
 
 def errors_of(T_true: FloatArray, T: FloatArray) -> tuple[float, float]:
@@ -277,14 +273,14 @@ def register_both(label: str, seen: list[Seen]) -> None:
         T_true = se3.between(seen[i].T_world_body, seen[j].T_world_body)
         a, b = (KeyframeId(name, k) for name, k in (("alpha", i), ("beta", j)))
         clouds = seen[i].thinned, seen[j].thinned
-        registration.verify(proposed(a, b, perturbed(T_true, rng)), *clouds, perturbed(T_true, rng))  # prepares
-        prior = perturbed(T_true, rng)
+        registration.verify(Closure(a, b, perturbed(T_true, rng)), *clouds)  # prepares
+        prediction = perturbed(T_true, rng)
         began = time.perf_counter()
-        found = registration.verify(proposed(a, b, prior), *clouds, prior)
+        found = registration.verify(Closure(a, b, prediction), *clouds)
         ours_s += time.perf_counter() - began
-        ours.append((*errors_of(T_true, found.T_query_match), found.decision is Decision.VERIFIED))
+        ours.append((*errors_of(T_true, found.best_T_query_match), found.live))
         began = time.perf_counter()
-        aligned = small_gicp.align(seen[i].whole, seen[j].whole, prior[0])
+        aligned = small_gicp.align(seen[i].whole, seen[j].whole, prediction.T_query_match)
         peer_s += time.perf_counter() - began
         peer.append(errors_of(T_true, aligned.T_target_source))
     for name, seconds, found_errors in (("ours", ours_s, ours), ("small_gicp.align", peer_s, peer)):
@@ -314,18 +310,18 @@ class Tally:
 
     def judge(self, closure: Closure, T_true: FloatArray) -> bool:
         """Counts one; whether it is verified and right."""
-        metres, degrees = errors_of(T_true, closure.T_query_match)
+        metres, degrees = errors_of(T_true, closure.best_T_query_match)
         wrong = metres > WRONG_M or degrees > WRONG_DEG
-        passed = closure.decision is Decision.VERIFIED
+        passed = closure.live
         near = float(np.linalg.norm(T_true[:3, 3])) <= self.near_m
         self.proposed += 1
         self.verified += passed
         self.wrong += passed and wrong
         self.near += near
         self.near_verified += near and passed and not wrong
-        if passed and not wrong:
-            error = se3.log(se3.between(T_true, closure.T_query_match))
-            self.nees += float(error @ np.linalg.solve(closure.covariance, error)) / 6
+        if passed and not wrong and closure.measured is not None:
+            error = se3.log(se3.between(T_true, closure.measured.T_query_match))
+            self.nees += float(error @ np.linalg.solve(closure.measured.covariance, error)) / 6
         return passed and not wrong
 
     def __str__(self) -> str:
@@ -342,28 +338,28 @@ def indoor() -> None:
     scans = PackedScans(recording)
     with np.load(recording) as pack:
         truth = Trajectory("alpha", np.rint(pack["stamps"] * 1e9).astype(np.int64), pack["poses"])
-    run = FrontEnd(FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5)), "alpha", recorded=truth)
+    run = OdometryRun(OdometrySettings(), [KeyframeSettings(distance_m=0.5)], "alpha", recorded=truth)
     for k in range(len(scans)):
         run.process(scans.scan(k))
-    front = run.result()
-    settings = RevisitSettings(min_travel_m=15.0)
+    (followed,) = run.results()
+    front = FrontEndResult.of("alpha", DriftModel(), followed, describe_all(followed.clouds, ScanContextSettings()))
+    settings = IntraRobotLoopSettings(min_travel_m=15.0)
     travelled = front.keyframes.distance[None] - front.keyframes.distance[:, None]
     apart = np.linalg.norm(front.keyframes.positions[:, None] - front.keyframes.positions[None], axis=2)
     true = (travelled >= settings.min_travel_m) & (apart <= NEAR_M)
     places = set(np.flatnonzero(true.any(axis=0) | true.any(axis=1)).tolist())
     a, b = np.nonzero(travelled >= settings.min_travel_m)
     arms = {
-        "along recorded odometry": revisits(front.keyframes, settings),
+        "along recorded odometry": intra_robot_loops(front.keyframes, settings),
         "by looks alone": CandidatePairs.without_prediction("alpha", "alpha", a, b),
     }
     every_place = MatchingSettings(suppression_where_located=0)  # counted is every keyframe
-    with row("revisits on indoor_loop, places within 10 m", ">= 90 % found, none false"):
+    with row("intra-robot loops on indoor_loop, places within 10 m", ">= 90 % found, none false"):
         for label, candidates in arms.items():
             registration, tally, found = Registration(), Tally(), set()
             for closure in match(candidates, front.descriptors, front.descriptors, every_place).closures:
-                prior = None if candidates.predictor is None else (closure.T_query_match, closure.covariance)
                 i, j = closure.query.index, closure.match.index
-                judged = registration.verify(closure, front.clouds[i], front.clouds[j], prior)
+                judged = registration.verify(closure, front.clouds[i], front.clouds[j])
                 T_true = se3.between(front.keyframes.poses[i], front.keyframes.poses[j])
                 if tally.judge(judged, T_true):
                     found |= {i, j}
@@ -389,7 +385,7 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
     apart = np.linalg.norm(ends[0][:, None, :3, 3] - ends[1][None, :, :3, 3], axis=2)
     near = apart[kept.index_a, kept.index_b] <= near_m
     print(f"  filter keeps {near.sum()} of {(apart <= near_m).sum()} pairs within {near_m:g} m, {len(kept)} in all")
-    if kept.predictor is None:
+    if kept.predicts is None:
         print("  its alignment is ambiguous: it predicts nothing")
     best = match(kept, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), config.matching).closures
     print(f"  proposed: {verified(best, filtered, fronts, ends, near_m)}")
@@ -423,15 +419,13 @@ def verified(
     ends: list[FloatArray],
     near_m: float,
 ) -> Tally:
-    """What registration, and the radio's say on it, make of closures between two robots."""
+    """What registration and the radio check make of closures between two robots."""
     registration, tally = Registration(), Tally(near_m)
-    predicted = filtered.pairs[0].predictor is not None
     measured = []
     for closure in closures:
         clouds: list[Float32Array] = [fronts[k.robot].clouds[k.index] for k in (closure.query, closure.match)]
-        prior = (closure.T_query_match, closure.covariance) if predicted else None
-        measured.append(registration.verify(closure, clouds[0], clouds[1], prior))
-    for judged in unless_filter_objects(measured, filtered):
+        measured.append(registration.verify(closure, clouds[0], clouds[1]))
+    for judged in radio_checked(measured, filtered.checks):
         tally.judge(judged, se3.between(ends[0][judged.query.index], ends[1][judged.match.index]))
     return tally
 

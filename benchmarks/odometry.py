@@ -19,10 +19,10 @@ from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import DataConfig, MappingConfig
 from kiss_icp.kiss_icp import KissICP
 
-from wiclosure.frontends.config import FrontEndSettings
-from wiclosure.frontends.front_end import FrontEnd
+from wiclosure.frontends.config import KeyframeSettings, OdometrySettings, ScanContextSettings
+from wiclosure.frontends.front_end import OdometryRun, describe_all
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import Scan
+from wiclosure.types import Scan, Trajectory
 
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 
@@ -48,7 +48,7 @@ def overhead(path: Path) -> None:
     scans = PackedScans(path)
     voxel_m = voxel_size_m(scans.scan(0).points)
     kiss = KissICP(KISSConfig(data=DataConfig(), mapping=MappingConfig(voxel_size=voxel_m)))
-    ours = FrontEnd(FrontEndSettings(), "alpha")
+    ours = OdometryRun(OdometrySettings(), [KeyframeSettings()], "alpha")
     seconds_bare = seconds_ours = 0.0
     no_times = np.zeros(0)
     for index in range(len(scans)):
@@ -61,12 +61,14 @@ def overhead(path: Path) -> None:
             else:
                 ours.process(scan)
                 seconds_ours += time.perf_counter() - started
-    result = ours.result()
-    difference = float(np.abs(result.odometry.poses[-1] - kiss.last_pose).max())
-    print(f"scans {len(scans)}, keyframes {len(result.keyframes)}, path {result.odometry.distance[-1]:.2f} m")
+    (result,) = ours.results()
+    descriptors = describe_all(result.clouds, ScanContextSettings())
+    difference = float(np.abs(result.poses[-1] - kiss.last_pose).max())
+    length_m = Trajectory("alpha", result.stamps_ns, result.poses).distance[-1]
+    print(f"scans {len(scans)}, keyframes {len(result.clouds)}, path {length_m:.2f} m")
     print(f"bare KISS-ICP  {seconds_bare:6.2f} s")
     print(f"our front end  {seconds_ours:6.2f} s, ratio {seconds_ours / seconds_bare:.3f}")
-    print(f"  of it odometry {result.seconds_odometry:.2f} s, descriptors {result.seconds_descriptors:.2f} s")
+    print(f"  of it odometry {result.seconds:.2f} s; descriptors, besides, {descriptors.seconds:.2f} s")
     print(f"largest difference of the last pose {difference:.1e}")
 
 
@@ -79,18 +81,18 @@ def memory(path: Path, laps: int) -> None:
     scans = PackedScans(path)
     Path("/proc/self/clear_refs").write_text("5")
     before_mb = peak_resident_mb()
-    front_end = FrontEnd(FrontEndSettings(), "alpha")
+    run = OdometryRun(OdometrySettings(), [KeyframeSettings()], "alpha")
     for lap in range(laps):
         # There and back again, so that the drive never jumps.
         order = range(len(scans)) if lap % 2 == 0 else reversed(range(len(scans)))
         for n, index in enumerate(order):
             points = scans.scan(index).points
-            front_end.process(Scan((lap * len(scans) + n) * 100_000_000, points))
+            run.process(Scan((lap * len(scans) + n) * 100_000_000, points))
     peak_mb = peak_resident_mb()
-    result = front_end.result()
+    (result,) = run.results()
     clouds_mb = sum(c.nbytes for c in result.clouds) / 2**20
     print(
-        f"{laps * len(scans)} scans, {len(result.keyframes)} keyframes: peak {peak_mb:.0f} MB,"
+        f"{laps * len(scans)} scans, {len(result.clouds)} keyframes: peak {peak_mb:.0f} MB,"
         f" {peak_mb - before_mb:.0f} MB above the start; keyframe clouds {clouds_mb:.0f} MB"
     )
 

@@ -25,10 +25,10 @@ from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
-from wiclosure.frontends.odometry import KissOdometry
+from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
-from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
 
 LENGTHS_M = range(100, 801, 100)
 APART_M = (0, 2, 5, 10, 20, 40, np.inf)
@@ -57,7 +57,7 @@ class Views:
         """One of the packed recordings; positions by OXTS or SLAM."""
         path = DATA / name / "scans.npz"
         scans, poses = PackedScans(path), np.load(path)["poses"]
-        truth = Trajectory(name, np.arange(len(poses), dtype=np.int64), poses)
+        truth = Trajectory(name, np.arange(len(poses)) * 10**9, poses)
         rows = every(truth, 1.0)
         return cls(np.stack([described(scans.scan(int(row)).points) for row in rows]), truth.positions[rows])
 
@@ -125,7 +125,7 @@ def recorded_team_error() -> tuple[int, float, float]:
             j = int(apart_m[i].argmin())
             T = se3.between(a.poses[i], b.poses[j]) @ se3.exp(rng.multivariate_normal(np.zeros(6), covariance))
             ends = KeyframeId(a.robot, i), KeyframeId(b.robot, j)
-            closures.append(Closure(*ends, T, covariance, Evidence(), Decision.VERIFIED))
+            closures.append(Closure.from_measurement(*ends, T, covariance))
     merged = optimise(team.odometry, closures, PoseGraphSettings()).trajectories
     joint = aligned_error(list(merged.values()), [team.truth[robot] for robot in merged])
     alone = [aligned_error([team.odometry[robot]], [truth]) for robot, truth in team.truth.items()]

@@ -5,9 +5,7 @@ python examples/plug_in.py
 
 import numpy as np
 
-from wiclosure import se3
-from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter import make_filter
+from wiclosure import AoaPath, Trajectory, WirelessLog, WirelessMeasurement, make_filter, se3
 
 # --- What your pipeline has: for each robot stamps and odometry poses, and what its radio measured. -------------------
 rng = np.random.default_rng(0)
@@ -34,19 +32,18 @@ for i in range(0, 200, 4):
 
 # --- What you add. ----------------------------------------------------------------------------------------------------
 trajectories = {name: Trajectory(name, stamps_ns, poses) for name, poses in odometry.items()}
-wireless = WirelessLog(
-    tuple(
-        WirelessMeasurement(
-            stamp_ns=int(stamps_ns[i]),
-            receiver="alpha",
-            transmitter="beta",
-            range_m=float(distance),
-            range_sigma_m=0.5,
-            paths=tuple(AoaPath(azimuth=float(bearing), sigma=0.17) for bearing in bearings),
-        )
-        for i, distance, bearings in heard
+measurements = tuple(
+    WirelessMeasurement(
+        stamp_ns=stamps_ns[i],
+        receiver="alpha",
+        transmitter="beta",
+        range_m=distance,
+        range_sigma_m=0.5,
+        paths=tuple(AoaPath(azimuth=bearing, sigma=0.17) for bearing in bearings),
     )
+    for i, distance, bearings in heard
 )
+wireless = WirelessLog(measurements)
 result = make_filter("wiclosure").candidates(trajectories, wireless)
 
 # --- What you get: pairs to compare, each with its chance of overlap and a first guess for the registration. ----------

@@ -63,7 +63,7 @@ class KeyframeSettings(Settings):
         1,
         ge=1,
         description="the last so many scans make up a keyframe's cloud: a few where scans are sparse; many see around"
-        " corners, and registration takes what lies there for looked through",
+        " corners, and registration takes what lies there for free-space conflicts",
     )
     cloud_voxel_size_m: float | None = Field(
         None, gt=0, description="m; none: half the odometry's voxel, what the finest step of registration can use"
@@ -89,7 +89,7 @@ class MatchingSettings(Settings):
         "mean-height", description="what of a ring is searched by (paper and DiSCo-SLAM: occupied-share)"
     )
     ring_key_neighbours: int | None = Field(
-        50, ge=1, description="candidates a keyframe with the most similar ring keys; none: every pair is compared"
+        50, ge=1, description="candidates per keyframe, with the most similar ring keys; none: every pair is compared"
     )
     candidates_per_keyframe: int = Field(1, ge=1, description="best of them that are proposed")
     lateral_shift_m: float | None = Field(
@@ -98,7 +98,7 @@ class MatchingSettings(Settings):
     suppression: int = Field(
         0,
         ge=0,
-        description="keyframes along both ways within which only the best pair is proposed, where nothing tells where"
+        description="keyframes along both paths within which only the best pair is proposed, where nothing tells where"
         " the pairs lie; 0: all are. There their number is what tells true from false",
     )
     suppression_where_located: int = Field(
@@ -108,7 +108,7 @@ class MatchingSettings(Settings):
         " closures then gives the same map in a fifth of the time. Less where fewer than 10 would be left",
     )
     budget: int | None = Field(
-        None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the ways"
+        None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the paths"
     )
     max_distance: float = Field(
         0.4, gt=0, le=1, description="scan context distance; on a street 0.2 for scans 1 m apart, 0.4 for 5 m, else 0.5"
@@ -123,7 +123,7 @@ class MatchingSettings(Settings):
 
 
 class RegistrationSettings(Settings):
-    """How a proposed closure is measured, and when it is believed."""
+    """How a proposed closure is measured, and when it is accepted."""
 
     method: Literal["gicp", "point-to-point"] = Field("gicp", description="point-to-point: as DiSCo-SLAM does it")
     voxel_size_m: float | None = Field(
@@ -155,8 +155,8 @@ class RegistrationSettings(Settings):
         0.94,
         ge=0,
         le=1,
-        description="matched points among those matched or looked through; true pairs 10 m apart have 0.95 or more on"
-        " streets and 0.98 in rooms, wrong poses reach 0.93 between equal pillars",
+        description="matched points among those matched or in free-space conflict; true pairs 10 m apart have 0.95 or"
+        " more on streets and 0.98 in rooms, wrong poses reach 0.93 between equal pillars",
     )
     min_agreement_with_prediction: float = Field(
         0.9, ge=0, le=1, description="the same where the result agrees with the filter's prediction"
@@ -183,11 +183,11 @@ class RegistrationSettings(Settings):
     cached_clouds: int = Field(64, ge=2, description="prepared keyframes kept at hand, some 5 MB each")
 
 
-class RevisitSettings(Settings):
-    """Closures within one robot's own trajectory."""
+class IntraRobotLoopSettings(Settings):
+    """Loop closures within one robot's own trajectory."""
 
     enabled: bool = Field(False, description="whether they are looked for")
-    min_travel_m: float = Field(30.0, gt=0, description="m of way between two visits; less is no loop worth closing")
+    min_travel_m: float = Field(30.0, gt=0, description="m travelled between two visits; less is no loop worth closing")
     radius_m: float = Field(10.0, gt=0, description="m within which two visits can be registered")
     gate_probability: float = Field(
         0.99,
@@ -195,11 +195,3 @@ class RevisitSettings(Settings):
         lt=1,
         description="pairs that are farther apart by odometry, by this quantile of its drift, are none",
     )
-
-
-class FrontEndSettings(Settings):
-    """What one robot does with its scans before it meets others."""
-
-    odometry: OdometrySettings = OdometrySettings()
-    keyframes: KeyframeSettings = KeyframeSettings()
-    scan_context: ScanContextSettings = ScanContextSettings()

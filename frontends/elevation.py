@@ -7,8 +7,8 @@ import numpy as np
 from wiclosure.types import FloatArray
 
 
-def raised(points: FloatArray, angle_deg: float) -> FloatArray:
-    """Points `(N, 3)` of a sensor whose beams all look `angle_deg` higher than it says; ranges and azimuths stay.
+def elevation_corrected(points: FloatArray, angle_deg: float) -> FloatArray:
+    """Points `(N, 3)` with every beam turned up by `angle_deg`; ranges and azimuths stay.
 
     With 0.205 degrees this is what KISS-ICP's readers do to every scan of KITTI.
     """

@@ -1,4 +1,4 @@
-"""One robot's way through its scans: odometry, keyframes and their descriptors."""
+"""One robot follows its scans: odometry, keyframes and their descriptors."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings, ScanContextSettings
-from wiclosure.frontends.elevation import raised
+from wiclosure.frontends.config import KeyframeSettings, OdometrySettings, ScanContextSettings
+from wiclosure.frontends.elevation import elevation_corrected
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.frontends.keyframes import KeyframeCollector
-from wiclosure.frontends.odometry import KissOdometry
-from wiclosure.frontends.recorded_odometry import RecordedOdometry
+from wiclosure.frontends.odometry import make_odometry
 from wiclosure.frontends.scan_context import describe
+from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
-__all__ = ["FrontEnd", "FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
+__all__ = ["FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
 
 logger = logging.getLogger(__name__)
 
@@ -35,7 +34,7 @@ class OdometryRun:
         settings: of odometry.
         keyframes: which scans are kept, and how finely; each of several settings has a result of its own.
         robot: name of the robot, for messages.
-        recorded: the robot's own odometry, of the LiDAR's frame; KISS-ICP's where there is none.
+        recorded: the odometry that the robot brings along, `T_odom_lidar`; whether it is used is `settings.source`'s.
     """
 
     def __init__(
@@ -46,7 +45,7 @@ class OdometryRun:
         recorded: Trajectory | None = None,
     ) -> None:
         self._settings, self._robot = settings, robot
-        self._odometry = KissOdometry(settings) if recorded is None else RecordedOdometry(settings, recorded)
+        self._odometry = make_odometry(settings, recorded)
         self._keyframes = [KeyframeCollector(of) for of in keyframes]
         self._stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
@@ -70,7 +69,7 @@ class OdometryRun:
         self._scans += 1
         started = time.perf_counter()
         if self._settings.elevation_correction_deg:
-            scan = replace(scan, points=raised(scan.points, self._settings.elevation_correction_deg))
+            scan = replace(scan, points=elevation_corrected(scan.points, self._settings.elevation_correction_deg))
         chosen = self._usable(scan) and self._follow(scan)
         self._seconds += time.perf_counter() - started
         return chosen
@@ -96,11 +95,11 @@ class OdometryRun:
         )
 
     def _usable(self, scan: Scan) -> bool:
-        if self._odometry.in_range(scan) < _FEWEST_POINTS:
+        if np.count_nonzero(within_range(scan.points, self._settings)) < _FEWEST_POINTS:
             self._sparse += 1
             logger.debug("%s: scan at %d ns has too few points, left out", self._robot, scan.stamp_ns)
             return False
-        if self._stamps_ns and self._odometry.pose_stamp_ns(scan) <= self._stamps_ns[-1]:
+        if self._stamps_ns and sweep_stamps_ns(scan, self._settings)[1] <= self._stamps_ns[-1]:
             self._late += 1
             logger.debug("%s: scan at %d ns does not follow the last, left out", self._robot, scan.stamp_ns)
             return False
@@ -134,37 +133,3 @@ def describe_shifted(
         return ()
     sides = (np.array([0.0, side * lateral_shift_m, 0.0], np.float32) for side in (-1, 1))
     return tuple(describe_all([cloud + side for cloud in clouds], settings).images for side in sides)
-
-
-class FrontEnd:
-    """Odometry and descriptors of one robot in one go.
-
-    Args:
-        settings: of odometry, keyframes and descriptors.
-        robot: name of the robot.
-        drift: how fast its odometry goes wrong; goes into the trajectories.
-        recorded: the robot's own odometry, instead of KISS-ICP's.
-    """
-
-    def __init__(
-        self,
-        settings: FrontEndSettings,
-        robot: str,
-        drift: DriftModel | None = None,
-        recorded: Trajectory | None = None,
-    ) -> None:
-        self._settings, self._robot, self._drift = settings, robot, drift or DriftModel()
-        self._run = OdometryRun(settings.odometry, [settings.keyframes], robot, recorded)
-
-    def process(self, scan: Scan) -> bool:
-        """Next scan in; whether it became a keyframe."""
-        return self._run.process(scan)
-
-    def result(self) -> FrontEndResult:
-        """All that was found so far.
-
-        Raises:
-            InputError: no scan was usable.
-        """
-        (went,) = self._run.results()
-        return FrontEndResult.of(self._robot, self._drift, went, describe_all(went.clouds, self._settings.scan_context))

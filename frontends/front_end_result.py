@@ -35,7 +35,7 @@ class FrontEndCounts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryResult:
-    """Where one robot went, and the clouds that it kept of its way.
+    """The path of one robot, and the clouds of its keyframes.
 
     Args:
         stamps_ns: `(N,)` of every usable scan.
@@ -54,6 +54,9 @@ class OdometryResult:
     counts: FrontEndCounts
     seconds: float
     seconds_reading: float
+
+    def __repr__(self) -> str:
+        return f"OdometryResult({len(self.poses)} of {self.counts.scans} scans followed, {len(self.clouds)} keyframes)"
 
     def save(self, path: Path) -> None:
         """Writes one `.npz` file: all clouds in one array, with offsets."""
@@ -100,6 +103,10 @@ class Descriptors:
     images: Float32Array
     seconds: float
 
+    def __repr__(self) -> str:
+        keyframes, rings, sectors = self.images.shape
+        return f"Descriptors({keyframes} keyframes, {rings} rings, {sectors} sectors)"
+
     def save(self, path: Path) -> None:
         """Writes one `.npz` file."""
         _save(path, images=self.images, seconds=np.array(self.seconds))
@@ -143,20 +150,24 @@ class FrontEndResult:
     seconds_odometry: float
     seconds_descriptors: float
 
+    def __repr__(self) -> str:
+        scans, length_m = len(self.odometry), self.odometry.distance[-1]
+        return f"FrontEndResult({self.robot!r}, {scans} scans, {len(self.keyframes)} keyframes, {length_m:.1f} m)"
+
     @classmethod
-    def of(cls, robot: str, drift: DriftModel, went: OdometryResult, described: Descriptors) -> Self:
+    def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:
         """Puts together what the stages found."""
-        odometry = Trajectory(robot, went.stamps_ns, went.poses, drift)
+        odometry = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
         return cls(
             robot=robot,
             odometry=odometry,
-            keyframe_indices=went.keyframe_indices,
-            keyframes=odometry.keyframes(went.keyframe_indices),
-            clouds=went.clouds,
+            keyframe_indices=followed.keyframe_indices,
+            keyframes=odometry.keyframes(followed.keyframe_indices),
+            clouds=followed.clouds,
             descriptors=described.images,
-            counts=went.counts,
-            seconds_reading=went.seconds_reading,
-            seconds_odometry=went.seconds,
+            counts=followed.counts,
+            seconds_reading=followed.seconds_reading,
+            seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
         )
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError
-from wiclosure.frontends import hypotheses
+from wiclosure.frontends import initial_guesses
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.prepared_cloud import PreparedCloud
 from wiclosure.types import FloatArray
 
-GlobalStarts: TypeAlias = Callable[[PreparedCloud, PreparedCloud, float], FloatArray]
-"""Takes both clouds and scan context's yaw, rad or NaN; gives starts `T_query_match (S, 4, 4)`."""
+GlobalStarts: TypeAlias = Callable[[PreparedCloud, PreparedCloud, float | None], FloatArray]
+"""Takes both clouds and scan context's yaw, rad or None; gives starts `T_query_match (S, 4, 4)`."""
 
 _FEWEST_INLIERS = 5
 
@@ -27,8 +27,8 @@ def global_starts(settings: RegistrationSettings) -> GlobalStarts:
         ConfigError: KISS-Matcher is wanted and not installed.
     """
 
-    def around_scan_context(query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
-        return hypotheses.around_scan_context(yaw_rad, settings.yaw_hypotheses)
+    def around_scan_context(query: PreparedCloud, match: PreparedCloud, yaw_rad: float | None) -> FloatArray:
+        return initial_guesses.around_scan_context(yaw_rad, settings.yaw_hypotheses)
 
     if settings.global_start == "scan-context":
         return around_scan_context
@@ -52,7 +52,7 @@ class _KissMatcher:
         self._library = kiss_matcher
         self._otherwise = otherwise
 
-    def __call__(self, query: PreparedCloud, match: PreparedCloud, yaw_rad: float) -> FloatArray:
+    def __call__(self, query: PreparedCloud, match: PreparedCloud, yaw_rad: float | None) -> FloatArray:
         others = self._otherwise(query, match, yaw_rad)
         # The middle level: features of the finest take twice the time and are no better.
         level = len(query.levels) // 2

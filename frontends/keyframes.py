@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
 
 import numpy as np
 import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import KeyframeSettings
+from wiclosure.interfaces import Odometry
 from wiclosure.types import Float32Array, FloatArray, IntArray
 
 
@@ -50,19 +50,8 @@ class LocalMap:
         return thinned(np.concatenate(clouds), self._voxel_m or voxel_m)
 
 
-class Followed(Protocol):
-    """What has followed a scan."""
-
-    voxel_size_m: float
-
-    @property
-    def thinned(self) -> FloatArray | Float32Array:
-        """The last scan's points `(M, 3)`, one a voxel of half `voxel_size_m`."""
-        ...
-
-
 class KeyframeCollector:
-    """Keeps the keyframes of one robot's way: which scans they are, and their clouds."""
+    """Keeps the keyframes of one robot: which scans they are, and their clouds."""
 
     def __init__(self, settings: KeyframeSettings) -> None:
         self._settings = settings
@@ -71,7 +60,7 @@ class KeyframeCollector:
         self._indices: list[int] = []
         self._clouds: list[Float32Array] = []
 
-    def add(self, index: int, T_odom_body: FloatArray, points: FloatArray, odometry: Followed) -> bool:
+    def add(self, index: int, T_odom_body: FloatArray, points: FloatArray, odometry: Odometry) -> bool:
         """The next scan, `index` of the usable ones, its pose and deskewed points; whether it became a keyframe."""
         if self._settings.scans > 1:
             self._last.add(T_odom_body, odometry.thinned)
@@ -91,7 +80,7 @@ class KeyframeCollector:
         """K clouds `(N_k, 3)` in the body's axes."""
         return tuple(self._clouds)
 
-    def _cloud(self, T_odom_body: FloatArray, points: FloatArray, odometry: Followed) -> Float32Array:
+    def _cloud(self, T_odom_body: FloatArray, points: FloatArray, odometry: Odometry) -> Float32Array:
         if self._settings.scans > 1:
             return self._last.seen_from(T_odom_body, odometry.voxel_size_m / 2)
         if self._settings.cloud_voxel_size_m is None:
@@ -100,7 +89,7 @@ class KeyframeCollector:
 
 
 def thinned(points: FloatArray, voxel_size_m: float) -> Float32Array:
-    """One point a voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
+    """One point per voxel, the mean of those in it: `(N, 3)` to `(M, 3)` float32."""
     if len(points) == 0:
         return np.zeros((0, 3), np.float32)
     # One thread: with more, the result differs from run to run.

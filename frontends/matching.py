@@ -8,26 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import MatchingSettings
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
 from wiclosure.types import (
     CandidatePairs,
     Closure,
-    Decision,
-    Evidence,
     Float32Array,
     FloatArray,
     IntArray,
     KeyframeId,
+    Prediction,
+    PredictionKind,
+    ScanContextMatch,
 )
 
 _PAIRS_AT_ONCE = 1 << 18
-
-# What a look-alike alone says of the relative pose, standard deviations: attitude 0.1 rad, heading 1 rad (scan context
-# may be wrong in it even for true pairs), position 10 m.
-_UNPREDICTED_COVARIANCE = np.diag(np.square([0.1, 0.1, 1.0, 10.0, 10.0, 1.0]))
 
 _ENOUGH = 10  # proposals that are not thinned further
 
@@ -66,9 +62,9 @@ def match(
     """Proposes the pairs that look most alike.
 
     Keyframes of both robots ask: each of robot_a for its best among robot_b's candidates, and each of robot_b likewise.
-    A closure's query is always of robot_a.  Where the filter predicts the pose, the closure carries that prediction and
-    its covariance, a looser threshold applies, as the prediction has said already that the places are one, and of pairs
-    that look equally alike the one predicted nearer wins.
+    A closure's query is always of robot_a.  Where something predicts the pose, the closure has that prediction, a
+    looser threshold applies, as the prediction has said already that the places are one, and of pairs that look equally
+    alike the one predicted nearer wins.
 
     Args:
         pairs: candidates, possibly all pairs.
@@ -90,11 +86,11 @@ def match(
         from_there, yaw_there = compare(ColumnSpectra.of(shifted), spectra_b, a, b)
         nearer = from_there < distance
         distance[nearer], yaw[nearer] = from_there[nearer], yaw_there[nearer]
-    limit = settings.max_distance if pairs.predictor is None else settings.max_distance_with_prediction
+    limit = settings.max_distance if pairs.predicts is None else settings.max_distance_with_prediction
     alike = np.flatnonzero(distance <= limit)
     cost = distance[alike] + _remoteness(pairs, near[alike])
     best = _best_of_each(a[alike], b[alike], cost, settings.candidates_per_keyframe)
-    spread = best[_thinned(a[alike[best]], b[alike[best]], cost[best], settings, located=pairs.located)]
+    spread = best[_thinned(a[alike[best]], b[alike[best]], cost[best], settings, pairs.predicts)]
     rows = alike[spread]
     closures = _propose(pairs, near[rows], distance[rows], yaw[rows])
     return MatchResult(
@@ -108,9 +104,10 @@ def match(
 
 
 def _thinned(
-    index_a: IntArray, index_b: IntArray, cost: FloatArray, settings: MatchingSettings, *, located: bool
+    index_a: IntArray, index_b: IntArray, cost: FloatArray, settings: MatchingSettings, predicts: PredictionKind | None
 ) -> IntArray:
     """Rows of the pairs to propose; the few of a short meeting are thinned less, since they need each other."""
+    located = predicts is PredictionKind.POSE
     widths = range(settings.suppression_where_located, -1, -1) if located else (settings.suppression,)
     for width in widths:
         kept = spread_out(index_a, index_b, cost, width, settings.budget)
@@ -120,9 +117,9 @@ def _thinned(
 
 
 def spread_out(index_a: IntArray, index_b: IntArray, cost: FloatArray, width: int, budget: int | None) -> IntArray:
-    """Rows, in order, of pairs that are the best within `width` keyframes of both ways (non-maximum suppression).
+    """Rows, in order, of pairs that are the best within `width` keyframes of both paths (non-maximum suppression).
 
-    One place where two ways run side by side is a diagonal of pairs that all say the same.  Where more than `budget`
+    One place where two paths run side by side is a diagonal of pairs that all say the same.  Where more than `budget`
     remain, the width is doubled until they fit, so that what is left is spread over all places.
     """
     while True:
@@ -202,25 +199,23 @@ def _remoteness(pairs: CandidatePairs, rows: IntArray) -> FloatArray:
 
 
 def _propose(pairs: CandidatePairs, rows: IntArray, distance: FloatArray, yaw: FloatArray) -> tuple[Closure, ...]:
-    predicted = pairs.predicted(rows)
-    if predicted is None:
-        T_a_b = se3.from_yaw(yaw, np.zeros((len(rows), 3)))
-        covariance = np.broadcast_to(_UNPREDICTED_COVARIANCE, (len(rows), 6, 6))
-    else:
-        T_a_b, covariance = predicted
+    predictions = _predictions(pairs, rows)
+    probability = pairs.overlap_probability[rows].tolist()
     return tuple(
         Closure(
             query=KeyframeId(pairs.robot_a, int(pairs.index_a[row])),
             match=KeyframeId(pairs.robot_b, int(pairs.index_b[row])),
-            T_query_match=T_a_b[k],
-            covariance=covariance[k],
-            evidence=Evidence(
-                scan_context_distance=float(distance[k]),
-                scan_context_yaw=float(yaw[k]),
-                overlap_probability=float(pairs.overlap_probability[row]),
-            ),
-            decision=Decision.PROPOSED,
-            reason="predicted by the radio" if predicted is not None else "looks alike",
+            prediction=predictions[k],
+            scan_context=ScanContextMatch(float(distance[k]), float(yaw[k])),
+            overlap_probability=None if np.isnan(probability[k]) else probability[k],
+            reason="looks alike" if predictions[k] is None else "predicted by the radio",
         )
         for k, row in enumerate(rows)
     )
+
+
+def _predictions(pairs: CandidatePairs, rows: IntArray) -> Sequence[Prediction | None]:
+    predicted, kind = pairs.predicted(rows), pairs.predicts
+    if predicted is None or kind is None:
+        return [None] * len(rows)
+    return [Prediction(T, covariance, kind) for T, covariance in zip(*predicted, strict=True)]

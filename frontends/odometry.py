@@ -1,139 +1,46 @@
-"""Odometry by KISS-ICP, with the pose's time stated right."""
+"""All kinds of odometry by name; each follows one sensor through its scans (`wiclosure.interfaces.Odometry`)."""
 
 from __future__ import annotations
 
-import logging
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
-import numpy as np
-from kiss_icp.config import KISSConfig
-from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
-from kiss_icp.kiss_icp import KissICP
-from kiss_icp.preprocess import Preprocessor
-
-from wiclosure import se3
+from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import OdometrySettings
-from wiclosure.frontends.deskewing import deskewed
-from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import FloatArray, Scan
+from wiclosure.interfaces import Odometry
+from wiclosure.types import Trajectory
 
-logger = logging.getLogger(__name__)
-
-_NO_TIMES = np.zeros(0)
-
-# Stamps jitter: a sweep within this share of the time between scans is taken to fill it, as KISS-ICP assumes.
-_JITTER = 0.25
+OdometryFactory: TypeAlias = Callable[[OdometrySettings, Trajectory | None], Odometry]
+"""Takes the settings, and the odometry that the robot brings along, if any: `T_odom_lidar` on the scans' clock."""
 
 
-class KissOdometry:
-    """Follows one sensor with KISS-ICP (Vizzo et al., RA-L 2023).
+def _make_kiss(settings: OdometrySettings, recorded: Trajectory | None) -> Odometry:
+    # Imported here: a robot that brings its own odometry needs no kiss-icp.
+    from wiclosure.frontends.kiss_odometry import KissOdometry
 
-    Points are deskewed to the instant of the *last* one, as KISS-ICP does it: a deskewed cloud, and its pose, belong to
-    that.  Without times they belong to the scan's own stamp.
+    return KissOdometry(settings)
 
-    KISS-ICP takes the sweep to last from one scan to the next.  In a recording that was thinned or that lost scans it
-    does not, and the deskewing would overshoot: here the motion is scaled to the true duration of the sweep.
+
+def _make_recorded(settings: OdometrySettings, recorded: Trajectory | None) -> Odometry:
+    from wiclosure.frontends.recorded_odometry import RecordedOdometry
+
+    if recorded is None:
+        raise ConfigError("recorded odometry needs a trajectory; name the robot's own, or take kiss-icp")
+    return RecordedOdometry(settings, recorded)
+
+
+ODOMETRIES: Mapping[str, OdometryFactory] = {
+    "kiss-icp": _make_kiss,
+    "recorded": _make_recorded,
+}
+
+
+def make_odometry(settings: OdometrySettings, recorded: Trajectory | None = None) -> Odometry:
+    """The odometry that `settings.source` names; a robot that brings none is followed by KISS-ICP.
+
+    Args:
+        settings: of odometry.
+        recorded: `T_odom_lidar` that the robot brings along, on the scans' clock, or None.
     """
-
-    def __init__(self, settings: OdometrySettings | None = None) -> None:
-        self._settings = settings or OdometrySettings()
-        self._kiss: _KissICP | None = None
-        self._last_stamps_ns: tuple[int, ...] = ()
-        self.voxel_size_m = self._settings.voxel_size_m or float("nan")
-
-    def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
-        """Next scan in; pose and deskewed points out.
-
-        Returns:
-            stamp_ns of the pose, `T_odom_body (4, 4)`, and the points `(N, 3)` within range in the body's axes at that
-            instant.
-        """
-        if self._kiss is None:
-            self._kiss = self._start(scan)
-        times, stamp_ns = self._sweep_times(scan), self.pose_stamp_ns(scan)
-        self._kiss.preprocessor.motion_share = self._motion_share(times)
-        points, _ = self._kiss.register_frame(scan.points, times)
-        self._last_stamps_ns = (*self._last_stamps_ns[-1:], stamp_ns)
-        return stamp_ns, np.array(self._kiss.last_pose), points
-
-    @property
-    def thinned(self) -> FloatArray:
-        """The last scan's points as they went into the map: `(M, 3)`, one a voxel of half `voxel_size_m`.
-
-        Raises:
-            ValueError: no scan was registered yet.
-        """
-        if self._kiss is None:
-            raise ValueError("no scan was registered yet")
-        return self._kiss.frame_downsample
-
-    def pose_stamp_ns(self, scan: Scan) -> int:
-        """The instant to which the pose of this scan will belong."""
-        times = self._sweep_times(scan)
-        return scan.stamp_ns + (round(float(times.max()) * 1e9) if len(times) else 0)
-
-    def in_range(self, scan: Scan) -> int:
-        """How many points of the scan lie within the range used."""
-        squared = np.einsum("ij,ij->i", scan.points, scan.points)
-        low, high = self._settings.min_range_m**2, self._settings.max_range_m**2
-        return int(np.count_nonzero((squared > low) & (squared < high)))
-
-    def covers(self, scan: Scan) -> bool:
-        """Whether the scan can be followed: KISS-ICP follows all."""
-        return True
-
-    def _sweep_times(self, scan: Scan) -> FloatArray:
-        """Times to deskew by; none where they are absent, all alike (KISS-ICP would divide by zero), or not wanted."""
-        if scan.times is None or not self._settings.deskew or len(scan.times) == 0 or np.ptp(scan.times) <= 0:
-            return _NO_TIMES
-        return scan.times
-
-    def _motion_share(self, times: FloatArray) -> float:
-        """What share of the last motion between two scans happens during a sweep of these times."""
-        if len(times) == 0 or len(self._last_stamps_ns) < 2:
-            return 1.0
-        interval_s = (self._last_stamps_ns[1] - self._last_stamps_ns[0]) * 1e-9
-        share = float(np.ptp(times)) / max(interval_s, 1e-6)
-        return 1.0 if abs(share - 1.0) < _JITTER else min(share, 1.0)
-
-    def _start(self, first: Scan) -> _KissICP:
-        settings = self._settings
-        if settings.voxel_size_m is None:
-            self.voxel_size_m = voxel_size_m(first.points)
-        logger.debug("odometry: voxels of %.3f m", self.voxel_size_m)
-        kiss = _KissICP(
-            KISSConfig(
-                data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
-                mapping=MappingConfig(voxel_size=self.voxel_size_m, max_points_per_voxel=settings.points_per_voxel),
-                registration=RegistrationConfig(
-                    max_num_threads=settings.num_threads, convergence_criterion=settings.convergence
-                ),
-            )
-        )
-        kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
-        return kiss
-
-
-class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
-    """KISS-ICP that keeps the thinned scan: thinning it again for keyframes would take as long as describing it."""
-
-    frame_downsample: FloatArray
-
-    def voxelize(self, iframe: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The points to register, and those for the map."""
-        source, self.frame_downsample = super().voxelize(iframe)
-        return source, self.frame_downsample
-
-
-class _SweepPreprocessor:
-    """KISS-ICP's range limits, after deskewing by the motion that happens during the sweep."""
-
-    def __init__(self, preprocessor: Preprocessor) -> None:
-        self._preprocessor = preprocessor
-        self.motion_share = 1.0
-
-    def preprocess(self, points: FloatArray, times: FloatArray, T_last_now: FloatArray) -> FloatArray:
-        """Points `(N, 3)` in, those within range at the instant of the last point out; the motion goes on evenly."""
-        if len(times):
-            motion = self.motion_share * se3.log(T_last_now)
-            points = deskewed(points, times, lambda share: se3.exp((share - 1.0)[:, None] * motion))
-        return np.asarray(self._preprocessor.preprocess(points, _NO_TIMES, T_last_now))
+    source = "kiss-icp" if settings.source == "recorded" and recorded is None else settings.source
+    return ODOMETRIES[source](settings, recorded)

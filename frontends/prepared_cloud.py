@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import small_gicp
 
-from wiclosure.frontends.sight import Sight
+from wiclosure.frontends.free_space import FreeSpace
 from wiclosure.types import Float32Array, FloatArray, KeyframeId
 
 _NEIGHBOURS = 12  # that tell a point's normal; 20 take a fifth longer and measure no better
@@ -43,13 +43,13 @@ class PreparedCloud:
         levels: coarse to fine.
         structure: `(M, 3)` points of the finest level that are not on level ground or ceiling.  Ground looks like
             ground everywhere: it matches under any shift and would drown what tells places apart.
-        sight: what the sensor saw past.
+        free_space: where nothing can stand, as rays passed there.
     """
 
     voxel_m: float
     levels: tuple[Level, ...]
     structure: FloatArray
-    sight: Sight
+    free_space: FreeSpace
 
     @classmethod
     def of(cls, cloud: Float32Array, voxel_sizes_m: tuple[float, ...], num_threads: int) -> Self:
@@ -60,7 +60,7 @@ class PreparedCloud:
             for size in voxel_sizes_m
         )
         upright = np.abs(np.asarray(levels[-1].cloud.normals())[:, 2]) < _LEVEL_GROUND
-        return cls(voxel_sizes_m[-1], levels, levels[-1].points[upright], Sight.of(points, voxel_sizes_m[-1]))
+        return cls(voxel_sizes_m[-1], levels, levels[-1].points[upright], FreeSpace.of(points, voxel_sizes_m[-1]))
 
 
 class PreparedClouds:

@@ -10,13 +10,13 @@ import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.measurement import Measurement, evaluate, gicp_covariance
 from wiclosure.frontends.prepared_cloud import Level, PreparedCloud
+from wiclosure.frontends.registration_result import RegistrationResult, gicp_covariance
 from wiclosure.types import FloatArray
 
 
 class RegistrationMethod(Protocol):
-    """Measures from several starts and says whether a measurement can be believed."""
+    """Measures from several starts and says whether a result can be accepted."""
 
     def voxel_sizes_m(self, finest_m: float) -> tuple[float, ...]:
         """Resolutions at which clouds are needed, coarse to fine."""
@@ -24,18 +24,18 @@ class RegistrationMethod(Protocol):
 
     def measure(
         self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
-    ) -> list[Measurement]:
+    ) -> list[RegistrationResult]:
         """At least one optimum reached from the starts `(S, 4, 4)`."""
         ...
 
-    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
-        """Why the measurement is not believed; empty if it is.
+    def objection(self, result: RegistrationResult, settings: RegistrationSettings, *, predicted: bool) -> str:
+        """Why the result is not accepted; empty if it is.
 
         Args:
-            measurement: one of `measure`.
+            result: one of `measure`.
             settings: thresholds.
-            predicted: a prediction exists.  Whether the measurement agrees with it is for the caller to judge, who
-                rejects what contradicts; so a method may ask less of measurements that have a prediction to pass.
+            predicted: a prediction exists.  Whether the result agrees with it is for the caller to judge, who rejects
+                what contradicts; so a method may ask less of results that have a prediction to pass.
         """
         ...
 
@@ -65,7 +65,7 @@ class CoarseToFineGicp:
 
     def measure(
         self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
-    ) -> list[Measurement]:
+    ) -> list[RegistrationResult]:
         """The best distinct optima, each refined to the finest level."""
         coarse = [self._align(self._COARSE, query, match, start, settings).T_target_source for start in starts]
         measured = []
@@ -74,19 +74,19 @@ class CoarseToFineGicp:
             for finer in self._FINER:
                 found = self._align(finer, query, match, T_query_match, settings)
                 T_query_match = found.T_target_source
-            measured.append(evaluate(query, match, T_query_match, gicp_covariance(found, query)))
+            measured.append(RegistrationResult.of(query, match, T_query_match, gicp_covariance(found, query)))
         return measured
 
-    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
-        """Too few matching points of structure, too small a share of it, or too many that the other looked through."""
+    def objection(self, result: RegistrationResult, settings: RegistrationSettings, *, predicted: bool) -> str:
+        """Too few matching points of structure, too small a share of it, or too many in free-space conflict."""
         needed = settings.min_inlier_ratio_with_prediction if predicted else settings.min_inlier_ratio
-        if measurement.inliers < settings.min_inliers:
-            return f"only {measurement.inliers} points of structure match, {settings.min_inliers} needed"
-        if measurement.inlier_ratio < needed:
-            return f"only {measurement.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
+        if result.evidence.inliers < settings.min_inliers:
+            return f"only {result.evidence.inliers} points of structure match, {settings.min_inliers} needed"
+        if result.evidence.inlier_ratio < needed:
+            return f"only {result.evidence.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
         needed = settings.min_agreement_with_prediction if predicted else settings.min_agreement
-        if measurement.agreement < needed:
-            return f"looked through what the other saw: agreement {measurement.agreement:.2f}, {needed:.2f} needed"
+        if result.evidence.agreement < needed:
+            return f"free-space conflict: agreement {result.evidence.agreement:.2f}, {needed:.2f} needed"
         return ""
 
     def _align(
@@ -125,7 +125,7 @@ class CoarseToFineGicp:
 
 
 class PointToPointIcp:
-    """DiSCo-SLAM's verification: one point-to-point ICP from one start, believed if the mean squared distance is small.
+    """DiSCo-SLAM's registration: one point-to-point ICP from one start, accepted if the mean squared distance is small.
 
     Voxels of 0.4 m, correspondences up to 100 m, 100 iterations; the variance of every axis is the fitness.
     """
@@ -140,7 +140,7 @@ class PointToPointIcp:
 
     def measure(
         self, query: PreparedCloud, match: PreparedCloud, starts: FloatArray, settings: RegistrationSettings
-    ) -> list[Measurement]:
+    ) -> list[RegistrationResult]:
         """The optimum reached from the first start."""
         found = small_gicp.align(
             query.levels[0].cloud,
@@ -154,11 +154,11 @@ class PointToPointIcp:
         )
         gaps_m = query.levels[0].distances(se3.transform(found.T_target_source, match.levels[0].points))
         fitness_m2 = max(float(np.square(gaps_m).mean()), 1e-6)
-        return [evaluate(query, match, found.T_target_source, fitness_m2 * np.eye(6))]
+        return [RegistrationResult.of(query, match, found.T_target_source, fitness_m2 * np.eye(6))]
 
-    def objection(self, measurement: Measurement, settings: RegistrationSettings, *, predicted: bool) -> str:
+    def objection(self, result: RegistrationResult, settings: RegistrationSettings, *, predicted: bool) -> str:
         """Mean squared distance too large."""
-        fitness_m2 = float(measurement.covariance[0, 0])
+        fitness_m2 = float(result.covariance[0, 0])
         if fitness_m2 > settings.max_fitness_m2:
             return f"mean squared distance {fitness_m2:.1f} m^2, at most {settings.max_fitness_m2:g} allowed"
         return ""

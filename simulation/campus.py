@@ -32,7 +32,7 @@ def _centres(count: int) -> list[float]:
 
 
 def scene(rng: np.random.Generator, count: int, aliasing: float) -> Scene:
-    """One building a robot, alike with the probability `aliasing`, with lawns, trees and lamps around."""
+    """One building per robot, alike with the probability `aliasing`, with lawns, trees and lamps around."""
     centres = _centres(count)
     builder = SceneBuilder(
         rough_ground(rng, (-100.0, -100.0), (centres[-1] + 100, 100.0), 0.8, cell_m=2.0, wavelengths_m=(8.0, 120.0))

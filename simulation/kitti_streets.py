@@ -17,7 +17,7 @@ from wiclosure.simulation.streets import line_with_lots
 from wiclosure.types import FloatArray, IntArray
 
 FRAME_NS = 100_000_000
-"""KITTI's LiDAR turns ten times a second."""
+"""KITTI's LiDAR turns ten times per second."""
 
 SENSOR_HEIGHT_M = 1.73
 
@@ -69,7 +69,7 @@ class RecordedMotion:
 
 
 def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Positions `(K, 2)` and headings `(K,)` of a KITTI poses file (12 numbers a line, camera axes).
+    """Positions `(K, 2)` and headings `(K,)` of a KITTI poses file (12 numbers per line, camera axes).
 
     Raises:
         InputError: the file cannot be read or is not of that form.
@@ -78,11 +78,11 @@ def read_positions(path: Path) -> tuple[FloatArray, FloatArray]:
         lines = path.read_text(encoding="ascii").splitlines()
         rows = np.loadtxt(lines, dtype=float, ndmin=2) if any(map(str.strip, lines)) else np.zeros((0, 0))
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot read KITTI poses ({error}); expected 12 numbers a line") from error
+        raise InputError(f"{path}: cannot read KITTI poses ({error}); expected 12 numbers per line") from error
     if rows.shape[1] != 12 or len(rows) < 20:
         raise InputError(
             f"{path}: {rows.shape[0]} lines of {rows.shape[1]} numbers; expected 20 or more KITTI poses, 12 numbers"
-            " a line"
+            " per line"
         )
     if not (finite := np.isfinite(rows).all(axis=1)).all():
         raise InputError(f"{path}, line {np.argmin(finite) + 1}: not all 12 numbers are finite")

@@ -24,7 +24,7 @@ class LidarModel:
         name: for messages.
         elevations_deg: of the beams, up from the horizontal plane.
         columns: firings a turn.
-        rate_hz: turns a second.
+        rate_hz: turns per second.
         min_range_m: nearer returns are not reported.
         max_range_m: farther returns are not reported: the range to which the sensor is cut.
         reach_m: how far it sees a surface face on.
@@ -128,16 +128,16 @@ class Individual:
     range_error_m: Float32Array
 
 
-_POSES_A_TURN = 41
+_POSES_PER_TURN = 41
 
-Motion = Callable[[IntArray], FloatArray]
+PoseAt = Callable[[IntArray], FloatArray]
 """`T_world_sensor (N, 4, 4)` at stamps `(N,)`, nanoseconds."""
 
 
-def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: np.random.Generator) -> Scan:
+def sweep(lidar: Individual, scene: Scene, pose_at: PoseAt, stamp_ns: int, rng: np.random.Generator) -> Scan:
     """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time."""
     model, beams = lidar.model, len(lidar.range_error_m)
-    T_world_sensor = _column_poses(model, motion, stamp_ns)
+    T_world_sensor = _column_poses(model, pose_at, stamp_ns)
     rays = np.empty((model.columns, beams, 6), np.float32)
     rays[..., :3] = T_world_sensor[:, None, :, 3]
     np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :, :3], 1, 2), out=rays[..., 3:])
@@ -157,15 +157,15 @@ def sweep(lidar: Individual, scene: Scene, motion: Motion, stamp_ns: int, rng: n
     return Scan(stamp_ns, points.astype(np.float64), np.take(model.ray_times_s, seen), np.take(cosine, seen))
 
 
-def _column_poses(model: LidarModel, motion: Motion, stamp_ns: int) -> Float32Array:
+def _column_poses(model: LidarModel, pose_at: PoseAt, stamp_ns: int) -> Float32Array:
     """`T_world_sensor (columns, 3, 4)`, straight between a few poses of the turn.
 
     In a fortieth of a turn (2.5 ms at 10 Hz) the straight line errs by less than float32 resolves (1 rad/s: 1e-6).
     """
     offsets_ns = model.column_offsets_ns
-    knots_ns = np.linspace(0, offsets_ns[-1], _POSES_A_TURN).astype(np.int64)
-    poses = motion(stamp_ns + knots_ns)[:, :3].reshape(_POSES_A_TURN, 12)
-    after = np.clip(np.searchsorted(knots_ns, offsets_ns), 1, _POSES_A_TURN - 1)
+    knots_ns = np.linspace(0, offsets_ns[-1], _POSES_PER_TURN).astype(np.int64)
+    poses = pose_at(stamp_ns + knots_ns)[:, :3].reshape(_POSES_PER_TURN, 12)
+    after = np.clip(np.searchsorted(knots_ns, offsets_ns), 1, _POSES_PER_TURN - 1)
     share = ((offsets_ns - knots_ns[after - 1]) / (knots_ns[after] - knots_ns[after - 1]))[:, None]
     columns = poses[after - 1] + share * (poses[after] - poses[after - 1])
     return columns.astype(np.float32).reshape(-1, 3, 4)

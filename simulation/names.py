@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import TypeVar
 
 from wiclosure.errors import ConfigError
+from wiclosure.suggestions import did_you_mean
 
 Value = TypeVar("Value")
 
@@ -19,6 +19,4 @@ def lookup(kind: str, name: str, table: Mapping[str, Value]) -> Value:
     """
     if name in table:
         return table[name]
-    near = difflib.get_close_matches(name.lower(), table, n=1, cutoff=0.4)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ConfigError(f"unknown {kind} {name!r}: {hint}known are {', '.join(table)}")
+    raise ConfigError(f"unknown {kind} {name!r}: {did_you_mean(name, table)}known are {', '.join(table)}")

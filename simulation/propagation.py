@@ -13,7 +13,7 @@ from wiclosure.types import FloatArray, IntArray
 
 
 class Reflections(NamedTuple):
-    """Mirrored paths of many transmissions, one row a path.
+    """Mirrored paths of many transmissions, one row per path.
 
     Args:
         transmission: `(R,)` index of the transmission.

@@ -13,9 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from wiclosure import __version__
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
 FOLDERS: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
+PACKAGES: list[str] = PROJECT["tool"]["setuptools"]["packages"]
+MOST_MODULES = 14
+"""Directly in one folder: more and nobody finds anything; what belongs together gets a sub-package."""
 
 
 def run(*command: str | Path, **environment: str) -> str:
@@ -30,6 +35,17 @@ def run(*command: str | Path, **environment: str) -> str:
     return done.stdout
 
 
+def name_in_wheel(file: Path) -> str | None:
+    """Where a tracked file belongs in the wheel, by the longest mapped folder that it lies in; None: it does not."""
+    if file.suffix not in {".py", ".yaml", ".typed"}:
+        return None
+    mapped = [(package, folder) for package, folder in FOLDERS.items() if file.is_relative_to(folder)]
+    if not mapped:
+        return None
+    package, folder = max(mapped, key=lambda found: len(found[1]))
+    return f"{package.replace('.', '/')}/{file.relative_to(folder)}"
+
+
 def test_every_package_folder_is_listed() -> None:
     found = set()
     for package, folder in FOLDERS.items():
@@ -40,7 +56,14 @@ def test_every_package_folder_is_listed() -> None:
                 continue
             inner = init.parent.relative_to(REPOSITORY / folder).parts
             found.add(".".join([package, *inner]))
-    assert found == set(PROJECT["tool"]["setuptools"]["packages"])
+    assert found == set(PACKAGES)
+
+
+@pytest.mark.parametrize("room", ["pipeline", "wiclosure_filter"])
+def test_no_folder_is_a_drawer(room: str) -> None:
+    folders = [init.parent for init in (REPOSITORY / room).rglob("__init__.py")]
+    counts = {str(f.relative_to(REPOSITORY)): len([m for m in f.glob("*.py") if m.stem != "__init__"]) for f in folders}
+    assert {folder: count for folder, count in counts.items() if count > MOST_MODULES} == {}
 
 
 def test_every_link_for_type_checkers_resolves() -> None:
@@ -71,11 +94,11 @@ def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, P
     with tarfile.open(sdist) as archive:
         in_sdist = {name.partition("/")[2] for name in archive.getnames()}
     tracked = [Path(line) for line in run("git", "-C", REPOSITORY, "ls-files").splitlines()]
-    for package, folder in FOLDERS.items():
-        for file in tracked:
-            if file.parent == Path(folder) and file.suffix in {".py", ".yaml", ".typed"}:
-                assert f"{package.replace('.', '/')}/{file.name}" in in_wheel
-                assert str(file) in in_sdist
+    expected = {name: file for file in tracked if (name := name_in_wheel(file)) is not None}
+    assert {str(Path(name).parent) for name in expected} >= {package.replace(".", "/") for package in PACKAGES}
+    assert not set(expected) - in_wheel
+    assert not {str(file) for file in expected.values()} - in_sdist
+    assert f"wiclosure-{__version__}.dist-info/METADATA" in in_wheel
     assert not any(name.startswith(("pipeline/", "configs/", "tests/")) for name in in_wheel)
 
 

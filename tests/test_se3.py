@@ -25,3 +25,11 @@ def test_log_keeps_leading_dimensions() -> None:
     assert se3.log(np.eye(4)).shape == (6,)
     assert se3.log(np.zeros((0, 4, 4))).shape == (0, 6)
     assert se3.log(np.broadcast_to(np.eye(4), (2, 3, 4, 4))).shape == (2, 3, 6)
+
+
+def test_wrapped_angles_are_the_same_angles_within_half_a_turn() -> None:
+    angle = np.array([0.0, 3.0, 3.5, -3.5, 2 * np.pi, 7.0, -700.0])
+    wrapped = se3.wrap_angle(angle)
+    assert (np.abs(wrapped) <= np.pi).all()
+    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angle), atol=1e-9)
+    np.testing.assert_allclose(wrapped[:3], [0.0, 3.0, 3.5 - 2 * np.pi])

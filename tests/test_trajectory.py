@@ -64,6 +64,77 @@ def test_nearest_pose() -> None:
     assert line(1).nearest(np.array([-5, 5])).tolist() == [0, 0]
 
 
+POSES = np.tile(np.eye(4), (3, 1, 1))
+SECOND = 10**9
+STAMPS_NS = [0, SECOND, 2 * SECOND]
+
+
+def spoilt(entry: object, values: object) -> np.ndarray:
+    poses = POSES.copy()
+    poses[(1, *entry)] = values  # type: ignore[misc]  # an index of any form
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("stamps", "poses", "message"),
+    [
+        ([0.5, 1.5, 2.5], POSES, r"trajectory of alpha: stamps are floats, the first 0.5; give integer nanoseconds"),
+        (np.array([1.7e18, 1.8e18, 1.9e18]), POSES, r"stamps are floats"),
+        ([1_700_000_000, 1_700_000_001, 1_700_000_002], POSES, r"a pose every 1 ns; .* multiply seconds by 10\*\*9"),
+        (["0", "1", "2"], POSES, r"stamps: expected integers, got a list"),
+        ([0, 2 * SECOND, SECOND], POSES, r"the stamp of pose 2 does not follow that of pose 1"),
+        (STAMPS_NS, spoilt((slice(3), slice(3)), 2 * np.eye(3)), r"rotation of pose 1 is scaled by 2;"),
+        (
+            [0, SECOND, 2 * SECOND],
+            spoilt((slice(3), slice(3)), np.zeros((3, 3))),
+            r"rotation of pose 1 is scaled by 0;",
+        ),
+        (STAMPS_NS, spoilt((0, 1), 0.1), r"rotation of pose 1 has columns that are not orthonormal"),
+        (STAMPS_NS, spoilt((2, 2), -1.0), r"rotation of pose 1 is mirrored"),
+        (STAMPS_NS, spoilt((3, 3), 2.0), r"last row of pose 1 is \[0.0, 0.0, 0.0, 2.0\]"),
+        (STAMPS_NS, spoilt((3,), [1, 2, 3, 1]), r"last row of pose 1"),  # transposed
+        (STAMPS_NS, spoilt((0, 3), np.inf), r"pose 1 is not finite"),
+        (STAMPS_NS, POSES[:, :3], r"poses have shape \(3, 3, 4\); expected \(N, 4, 4\)"),
+        (STAMPS_NS, np.full((3, 4, 4), "x"), r"poses: expected an array of numbers, got a ndarray"),
+        ([0, SECOND], [np.eye(4), np.eye(3)], r"poses: expected an array of numbers, got a list"),
+    ],
+)
+def test_what_is_no_trajectory_is_told_by_name_and_value(stamps: object, poses: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Trajectory("alpha", stamps, poses)  # type: ignore[arg-type]  # lists, and worse
+
+
+def test_the_robot_comes_first() -> None:
+    with pytest.raises(InputError, match="begins with the robot's name"):
+        Trajectory(np.arange(3) * SECOND, POSES, "alpha")  # type: ignore[arg-type]
+
+
+def test_lists_and_other_numbers_are_converted() -> None:
+    made = Trajectory("alpha", [0, SECOND], np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).tolist())  # type: ignore[arg-type]
+    assert (made.stamps_ns.dtype, made.poses.dtype) == (np.int64, np.float64)
+    assert Trajectory("alpha", np.array([0, SECOND], np.uint64), POSES[:2]).stamps_ns.dtype == np.int64  # type: ignore[arg-type]
+
+
+def test_rotations_of_few_digits_are_rotations() -> None:
+    poses = se3.from_yaw(np.linspace(0, 6, 50), np.zeros((50, 3))).round(4)
+    assert len(Trajectory("alpha", np.arange(50) * SECOND, poses)) == 50
+    assert len(Trajectory("alpha", np.arange(50) * SECOND, poses.astype(np.float32))) == 50  # type: ignore[arg-type]
+
+
+def test_simulated_stamps_may_start_at_zero_and_follow_fast() -> None:
+    assert len(Trajectory("alpha", np.arange(3) * 1_000_000, POSES)) == 3
+    assert len(Trajectory("alpha", np.array([5]), POSES[:1])) == 1
+
+
+def test_a_trajectory_shows_in_one_short_line() -> None:
+    assert repr(line()) == "Trajectory('alpha', 11 poses, 10.0 s, 10.0 m)"
+
+
+def test_a_trajectory_under_another_robots_name_is_refused() -> None:
+    with pytest.raises(InputError, match="the trajectory under 'beta' is of robot 'alpha'"):
+        WiClosureFilter().candidates({"beta": line()}, WirelessLog())
+
+
 @pytest.mark.parametrize(
     ("stamps", "poses", "message"),
     [

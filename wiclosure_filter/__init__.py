@@ -1,4 +1,4 @@
-"""Where can trajectories of different robots meet?  Asks the radio, before any scan is compared.
+"""Where can trajectories of different robots meet?  By radio, before any scan is compared.
 
 `make_filter(name)` gives a candidate filter; `WiClosureFilter` lives in `wiclosure.wiclosure_filter.filter`.
 """

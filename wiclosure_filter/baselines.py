@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,12 +20,12 @@ from wiclosure.types import (
     FilterResult,
     FloatArray,
     IntArray,
+    PredictionKind,
     Trajectory,
     WirelessLog,
     WirelessMeasurement,
     robot_pairs,
 )
-from wiclosure.wiclosure_filter.config import OracleSettings, RandomSettings, RangeGateSettings
 from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs, from_codes
 
 TRUTH_COVARIANCE = np.diag(np.square([0.018, 0.018, 0.018, 0.42, 0.42, 0.42]))
@@ -77,20 +78,26 @@ class NoFilter(PairwiseFilter):
 
 
 class RandomFilter(PairwiseFilter):
-    """Keeps a share of the pairs, drawn without looking: the same work as a filter, without its knowledge."""
+    """Keeps a share of the pairs, drawn at random: the same work as a filter, without its knowledge.
+
+    Args:
+        keep_rate: share of the pairs that is kept.
+        seed: the same seed keeps the same pairs.
+    """
 
     name = "random"
 
-    def __init__(self, settings: RandomSettings) -> None:
-        self.settings = settings
+    def __init__(self, keep_rate: float, seed: int) -> None:
+        self.keep_rate = keep_rate
+        self.seed = seed
 
     def between(self, a: Trajectory, b: Trajectory, wireless: WirelessLog) -> CandidatePairs:
         """A random share of the pairs, none twice."""
         total = len(a) * len(b)
         # One stream a robot pair, so that the draw does not depend on the other robots.
         stream = list(f"{a.robot}\0{b.robot}".encode())
-        rng = np.random.default_rng([self.settings.seed, *stream])
-        codes = rng.choice(total, size=round(self.settings.keep_rate * total), replace=False, shuffle=False)
+        rng = np.random.default_rng([self.seed, *stream])
+        codes = rng.choice(total, size=round(self.keep_rate * total), replace=False, shuffle=False)
         return from_codes(a.robot, b.robot, np.sort(codes).astype(np.int64), len(b))
 
 
@@ -103,6 +110,7 @@ class TruePoses:
     """
 
     poses: Mapping[str, FloatArray]
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
@@ -116,25 +124,25 @@ class OracleFilter(PairwiseFilter):
     """Keeps the pairs that are near in truth, and predicts their true poses: what a perfect filter would do.
 
     A filter that knows where the robots are tells the registration where to start and what to refuse, which in
-    symmetric halls is worth more than the choice of pairs; so the upper bound must tell it too.
+    symmetric halls counts for more than the choice of pairs; so the upper bound must tell it too.
 
     Args:
         ground_truth: true trajectories of all robots in one frame, covering the keyframes' time.
-        settings: the radius.
+        radius_m: pairs nearer than this are kept.
     """
 
     name = "oracle"
 
-    def __init__(self, ground_truth: Mapping[str, Trajectory], settings: OracleSettings) -> None:
+    def __init__(self, ground_truth: Mapping[str, Trajectory], radius_m: float) -> None:
         self.ground_truth = ground_truth
-        self.settings = settings
+        self.radius_m = radius_m
 
     def between(self, a: Trajectory, b: Trajectory, wireless: WirelessLog) -> CandidatePairs:
         """Pairs within the radius."""
         from scipy.spatial import KDTree
 
         near = KDTree(self._true_positions(a)).sparse_distance_matrix(
-            KDTree(self._true_positions(b)), self.settings.radius_m, output_type="coo_matrix"
+            KDTree(self._true_positions(b)), self.radius_m, output_type="coo_matrix"
         )
         codes = np.sort(near.row.astype(np.int64) * len(b) + near.col)
         kept = from_codes(a.robot, b.robot, codes, len(b))
@@ -181,13 +189,18 @@ class OracleFilter(PairwiseFilter):
 class RangeGateFilter(PairwiseFilter):
     """Keeps pairs around every measurement whose range is short: UWB alone, as Co-LRIO proposes closures.
 
-    It sees only places where both robots are at the same time, and needs no alignment.
+    It finds only places where both robots are at the same time, and needs no alignment.
+
+    Args:
+        max_range_m: ranges up to this propose pairs.
+        window_m: metres travelled before and after the measurement that are proposed on both robots.
     """
 
     name = "range-gate"
 
-    def __init__(self, settings: RangeGateSettings) -> None:
-        self.settings = settings
+    def __init__(self, max_range_m: float, window_m: float) -> None:
+        self.max_range_m = max_range_m
+        self.window_m = window_m
 
     def diagnosis(self) -> tuple[str, ...]:
         """Says what this filter cannot find."""
@@ -199,7 +212,7 @@ class RangeGateFilter(PairwiseFilter):
         for measurement in wireless.measurements:
             if {measurement.receiver, measurement.transmitter} != {a.robot, b.robot}:
                 continue
-            if measurement.range_m is None or measurement.range_m > self.settings.max_range_m:
+            if measurement.range_m is None or measurement.range_m > self.max_range_m:
                 continue
             index_a, index_b = (self._window(robot, measurement) for robot in (a, b))
             codes.append((index_a[:, None] * len(b) + index_b).ravel())
@@ -213,4 +226,4 @@ class RangeGateFilter(PairwiseFilter):
         if not keyframes.covers(np.array([stamp_ns]))[0]:
             return np.zeros(0, np.int64)
         centre = keyframes.distance[keyframes.nearest(np.array([stamp_ns]))[0]]
-        return np.flatnonzero(np.abs(keyframes.distance - centre) <= self.settings.window_m).astype(np.int64)
+        return np.flatnonzero(np.abs(keyframes.distance - centre) <= self.window_m).astype(np.int64)

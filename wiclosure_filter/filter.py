@@ -1,10 +1,11 @@
-"""Wi-Closure: which keyframes of different robots may see the same place, by what the radio heard."""
+"""Wi-Closure: which keyframes of different robots may see the same place, by their radio measurements."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,19 +15,26 @@ from wiclosure.types import (
     ClosureCheck,
     FilterResult,
     FrameAlignment,
+    PredictionKind,
     Trajectory,
     WirelessLog,
+    require_own_names,
     robot_pairs,
 )
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.odds import AlignmentOdds
+from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_overlap
 from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
-from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading
-from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
+from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
+from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
+from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
+
+RobotPair: TypeAlias = tuple[str, str]
 
 
 class WiClosureFilter:
@@ -47,31 +55,34 @@ class WiClosureFilter:
         """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
 
         Raises:
-            InputError: robots cannot be joined and `on_ambiguous` is `raise`; or more pairs pass than can be listed.
+            InputError: robots cannot be joined and `on_ambiguous` is `raise`; too many pairs are kept to list them; or
+                a trajectory stands under another robot's name.
         """
         start = perf_counter()
-        # 1. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
-        alignments = self.align(trajectories, wireless)
-        # 2. One estimate of all trajectories, with the uncertainty of any two poses.
-        shared = share_trajectories(trajectories, wireless, alignments, self.settings)
-        # 3. Where do trajectories overlap?  4. Which pairs there are near enough?
+        require_own_names(trajectories)
+        # 1. What did the robots measure of each other, and where were they then?
+        links = self.gather(trajectories, wireless).by_pair
+        # 2. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
+        alignments = self.align(trajectories, links)
+        # 3. One estimate of all trajectories, with the uncertainty of any two poses.
+        shared = self.share(trajectories, links, list(alignments.values()))
+        # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         pairs = tuple(
-            self._kept(a, b, shared.estimates[a, b])
-            if (a, b) in shared.estimates
-            else self._unjoined(a, b, trajectories, wireless, alignments)
-            for a, b in robot_pairs(list(trajectories))
+            self._kept(*pair, shared.estimates[pair])
+            if pair in shared.estimates
+            else self._unjoined(pair, trajectories, links, alignments.get(pair))
+            for pair in robot_pairs(list(trajectories))
         )
-        # 5. What will the radio say of measured closures that it cannot predict?
-        predicting = {(links.robot_a, links.robot_b) for links in shared.links}
-        unused = [alignment for alignment in alignments if (alignment.robot_a, alignment.robot_b) not in predicting]
-        checks = self._checks(unused, trajectories, wireless)
-        diagnosis = (*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared))
+        # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
+        predicting = {(used.robot_a, used.robot_b) for used in shared.links}
+        unused = [alignment for pair, alignment in alignments.items() if pair not in predicting]
+        checks = self._checks(unused, trajectories, links)
         return FilterResult(
             filter_name=self.name,
             pairs=pairs,
             pairs_total=count_pairs(trajectories),
-            alignments=alignments,
-            diagnosis=diagnosis,
+            alignments=tuple(alignments.values()),
+            diagnosis=(*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared)),
             seconds=perf_counter() - start,
             links=shared.links,
             checks=checks,
@@ -96,14 +107,32 @@ class WiClosureFilter:
         self._wireless = self._wireless + new_wireless
         return self.candidates(self._trajectories, self._wireless)
 
-    def align(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[FrameAlignment, ...]:
+    def gather(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> TeamLinks:
+        """The measurements between all robots as arrays."""
+        return TeamLinks.of(trajectories, wireless, GatheringLimits.of(self.settings.alignment))
+
+    def align(
+        self, trajectories: Mapping[str, Trajectory], links: Mapping[RobotPair, Links]
+    ) -> dict[RobotPair, FrameAlignment]:
         """Frame alignments of all pairs of robots that heard each other."""
-        heard = {frozenset((m.receiver, m.transmitter)) for m in wireless.measurements}
-        return tuple(
-            align(a, b, trajectories, wireless, self.settings.alignment)
-            for a, b in robot_pairs(list(trajectories))
-            if frozenset((a, b)) in heard
-        )
+        return {
+            pair: align(between, trajectories, self.settings.alignment)
+            for pair, between in links.items()
+            if between.heard
+        }
+
+    def share(
+        self,
+        trajectories: Mapping[str, Trajectory],
+        links: Mapping[RobotPair, Links],
+        alignments: Sequence[FrameAlignment],
+    ) -> SharedTrajectory:
+        """All robots that the certain ones of the alignments join in one frame."""
+        return share_trajectories(trajectories, links, alignments, self._frame_prior, self.settings.shared_trajectory)
+
+    @property
+    def _frame_prior(self) -> FramePrior:
+        return FramePrior.of(self.settings.alignment, self.settings.shared_trajectory.gravity_sigma_rad)
 
     def _kept(self, robot_a: str, robot_b: str, estimate: SharedEstimate) -> CandidatePairs:
         """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
@@ -116,67 +145,80 @@ class WiClosureFilter:
 
     def _unjoined(
         self,
-        robot_a: str,
-        robot_b: str,
+        pair: RobotPair,
         trajectories: Mapping[str, Trajectory],
-        wireless: WirelessLog,
-        alignments: Sequence[FrameAlignment],
+        links: Mapping[RobotPair, Links],
+        alignment: FrameAlignment | None,
     ) -> CandidatePairs:
         """Where nothing joins the robots for certain: pairs that a few alignments leave, or all, or none."""
+        a, b = pair
         if self.settings.on_ambiguous == "raise":
             raise InputError(
-                f"the radio does not tell how {robot_a} and {robot_b} lie; add measurements, or set"
-                " on_ambiguous to pass or reject"
+                f"the radio does not tell how {a} and {b} lie; add measurements, or set on_ambiguous to pass or reject"
             )
         if self.settings.on_ambiguous == "reject":
             none = np.zeros(0, np.int64)
-            return CandidatePairs.without_prediction(robot_a, robot_b, none, none)
-        own = next((al for al in alignments if (al.robot_a, al.robot_b) == (robot_a, robot_b)), None)
-        rivals = None if own is None else RivalEstimates.of(own, trajectories, wireless, self.settings)
-        if rivals is not None:
-            return self._kept(robot_a, robot_b, rivals)
-        whole = all_pairs(robot_a, len(trajectories[robot_a]), robot_b, len(trajectories[robot_b]))
-        return whole if own is None else replace(whole, predictor=RelativeHeading.of(own, trajectories, self.settings))
+            return CandidatePairs.without_prediction(a, b, none, none)
+        both = {robot: trajectories[robot] for robot in pair}
+        if alignment is not None:
+            gate = make_gate(self.settings.gate)
+            alternatives = AlternativeEstimates.of(alignment, lambda one: self.share(both, links, [one]), gate)
+            if alternatives is not None:
+                return self._kept(a, b, alternatives)
+        whole = all_pairs(a, len(trajectories[a]), b, len(trajectories[b]))
+        return whole if alignment is None else replace(whole, predictor=self._heading(alignment, both))
+
+    def _heading(self, alignment: FrameAlignment, trajectories: Mapping[str, Trajectory]) -> RelativeHeading | None:
+        """Rotations that compasses predict where nothing tells positions; None where they are too vague."""
+        settings = self.settings
+        yaw = compass_yaw(alignment, settings.alignment.guard.max_yaw_sigma_rad)
+        if yaw is None or not settings.alignment.gravity_aligned:
+            return None
+        tilt_sigma_rad, height_sigma_m = self._frame_prior.sigmas[[0, 5]].tolist()
+        return RelativeHeading(trajectories, *yaw, tilt_sigma_rad, settings.gate.sensor_range_m, height_sigma_m)
 
     def _checks(
-        self, alignments: Sequence[FrameAlignment], trajectories: Mapping[str, Trajectory], wireless: WirelessLog
-    ) -> dict[tuple[str, str], ClosureCheck]:
-        """What the radio will say of closures, for the robots of which it says anything."""
-        most = self.settings.closure_odds
-        if most is None:
+        self,
+        alignments: Sequence[FrameAlignment],
+        trajectories: Mapping[str, Trajectory],
+        links: Mapping[RobotPair, Links],
+    ) -> dict[RobotPair, ClosureCheck]:
+        """Radio consistency checks of closures between those robots of which the radio tells anything."""
+        max_odds = self.settings.closure_odds
+        if max_odds is None:
             return {}
-        found = {
-            (al.robot_a, al.robot_b): AlignmentOdds.of(al, trajectories, wireless, self.settings.alignment, most)
-            for al in alignments
-        }
-        return {pair: check for pair, check in found.items() if check is not None}
+        found = {}
+        for alignment in alignments:
+            pair = (alignment.robot_a, alignment.robot_b)
+            check = RadioConsistencyCheck.of(alignment, links[pair], trajectories, self.settings.alignment, max_odds)
+            if check is not None:
+                found[pair] = check
+        return dict(found)
 
     def _explain(
-        self, pairs: tuple[CandidatePairs, ...], alignments: tuple[FrameAlignment, ...], shared: SharedTrajectory
+        self, pairs: Sequence[CandidatePairs], alignments: Mapping[RobotPair, FrameAlignment], shared: SharedTrajectory
     ) -> tuple[str, ...]:
         """Why pairs of robots were not pruned, and which measurements served nothing."""
         sentences = list(shared.diagnosis)
-        by_pair = {(a.robot_a, a.robot_b): a for a in alignments}
         for kept in pairs:
             pair = (kept.robot_a, kept.robot_b)
-            alignment = by_pair.get(pair)
+            alignment = alignments.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._passed(kept)}")
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._outcome(kept, alignment)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
 
-    def _passed(self, kept: CandidatePairs) -> str:
-        """What became of the pairs of robots that nothing joins for certain."""
+    def _outcome(self, kept: CandidatePairs, alignment: FrameAlignment | None) -> str:
+        """Which pairs of two robots are kept that nothing joins for certain."""
         if self.settings.on_ambiguous == "reject":
             return "every pair is rejected"
-        if isinstance(kept.predictor, RivalEstimates):
-            return (
-                f"{len(kept)} pairs possible under one of {len(kept.predictor.estimates)} likely alignments are passed"
-            )
-        known = "" if kept.predictor is None else ", with the relative heading that compasses tell"
-        return f"every pair is passed{known}"
+        if alignment is not None and kept.predicts is PredictionKind.POSE:
+            likely = 1 + len(alignment.rivals)
+            return f"{len(kept)} pairs possible under one of {likely} likely alignments are kept"
+        known = "" if kept.predicts is None else ", with the relative heading from compasses"
+        return f"every pair is kept{known}"
 
 
 def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[str, ...]:

@@ -23,17 +23,15 @@ from wiclosure.types import (
     Trajectory,
     WirelessLog,
 )
-from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.links.gathering import links_between
+from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.ball_probability import principal_axes
-from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.wiclosure_filter.search.gates import Gate, make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.search.segments import SegmentTree
-from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
-from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate
-from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstimate
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,12 +66,13 @@ def save_pictures(
     """
     folder = Path(folder)
     alignments = {(a.robot_a, a.robot_b): a for a in result.alignments}
+    links = TeamLinks.of(trajectories, wireless, GatheringLimits.of(settings.alignment)).by_pair
     written = []
     for pairs in result.pairs:
         alignment = alignments.get((pairs.robot_a, pairs.robot_b))
-        if pairs.predictor is None and alignment is None:
+        if pairs.predicts is None and alignment is None:
             continue
-        figure = draw_pair(pairs, alignment, trajectories, wireless, settings)
+        figure = draw_pair(pairs, alignment, trajectories, links[pairs.robot_a, pairs.robot_b], settings.gate)
         path = folder / f"filter_{_file_name(pairs.robot_a)}_{_file_name(pairs.robot_b)}.png"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -88,8 +87,8 @@ def draw_pair(
     pairs: CandidatePairs,
     alignment: FrameAlignment | None,
     trajectories: Mapping[str, Trajectory],
-    wireless: WirelessLog,
-    settings: FilterSettings,
+    links: Links,
+    gate: GateSettings,
 ) -> Figure:
     """Links, shared trajectory, kept pairs and the steps of the search for two robots."""
     from matplotlib.figure import Figure
@@ -98,8 +97,7 @@ def draw_pair(
     grid = figure.add_gridspec(2, 12)
     top = [figure.add_subplot(grid[0, 4 * i : 4 * i + 4]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(SEARCH_PANELS)]
-    heard = links_between(pairs.robot_a, pairs.robot_b, trajectories, wireless, settings.alignment)
-    _draw_links(top[0], heard, alignment, trajectories)
+    _draw_links(top[0], links, alignment, trajectories)
     model = _model(pairs)
     if model is None:
         for axes in (*top[1:], *bottom):
@@ -107,17 +105,21 @@ def draw_pair(
             axes.set_axis_off()
     else:
         _draw_shared(top[1], model, pairs)
-        _draw_kept(top[2], model, pairs, settings)
-        _draw_search(bottom, model, settings)
+        _draw_kept(top[2], model, pairs, gate.sensor_range_m)
+        _draw_search(bottom, model, make_gate(gate))
     figure.suptitle(f"{pairs.robot_a} and {pairs.robot_b}: {len(pairs)} pairs kept")
     return figure
 
 
 def _model(pairs: CandidatePairs) -> PairModel | None:
-    """The prediction behind the pairs; of shortest routes the one over the first link, of rivals the likeliest."""
-    if not isinstance(pairs.predictor, JointEstimate | ShortestRouteEstimate | RivalEstimates):
-        return None
-    return pairs.predictor.models(pairs.robot_a, pairs.robot_b)[0]
+    """The prediction behind the pairs; of shortest routes the one over the first link, of alternatives the best."""
+    estimate = _estimate(pairs)
+    return None if estimate is None else estimate.models(pairs.robot_a, pairs.robot_b)[0]
+
+
+def _estimate(pairs: CandidatePairs) -> SharedEstimate | None:
+    """The predictor, where it predicts displacements of all pairs: other filters' predictors cannot be drawn."""
+    return pairs.predictor if isinstance(pairs.predictor, SharedEstimate) else None
 
 
 def _draw_links(
@@ -178,13 +180,14 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
     )
     _road(axes, a, COLOR_A, pairs.robot_a)
     _road(axes, b, COLOR_B, pairs.robot_b)
-    rivals = len(pairs.predictor.estimates) if isinstance(pairs.predictor, RivalEstimates) else 1
-    which = "shared trajectory" if rivals == 1 else f"shared trajectory, the likeliest of {rivals}"
+    estimate = _estimate(pairs)
+    likely = 1 if estimate is None else estimate.alternatives
+    which = "shared trajectory" if likely == 1 else f"shared trajectory, the likeliest of {likely}"
     axes.set_title(f"{which}\n90 % of {pairs.robot_b}, seen from {pairs.robot_a}", fontsize=9)
     axes.legend(fontsize=8)
 
 
-def _draw_kept(axes: Axes, model: PairModel, pairs: CandidatePairs, settings: FilterSettings) -> None:
+def _draw_kept(axes: Axes, model: PairModel, pairs: CandidatePairs, sensor_range_m: float) -> None:
     """Lines between the keyframes of kept pairs, the more probable the darker."""
     from matplotlib.collections import LineCollection
 
@@ -194,17 +197,17 @@ def _draw_kept(axes: Axes, model: PairModel, pairs: CandidatePairs, settings: Fi
     lines.set_array(pairs.overlap_probability[rows])
     lines.set_clim(0.0, 1.0)
     axes.add_collection(lines)
-    axes.figure.colorbar(lines, ax=axes, label=f"probability to be within {settings.gate.sensor_range_m:g} m")
+    axes.figure.colorbar(lines, ax=axes, label=f"probability to be within {sensor_range_m:g} m")
     _road(axes, model.a.positions, COLOR_A, pairs.robot_a)
     _road(axes, model.b.positions, COLOR_B, pairs.robot_b)
     total = len(model.a) * len(model.b)
     axes.set_title(f"kept pairs\n{len(pairs)} of {total}, {len(rows)} drawn", fontsize=9)
 
 
-def _draw_search(panels: list[Axes], model: PairModel, settings: FilterSettings) -> None:
+def _draw_search(panels: list[Axes], model: PairModel, gate: Gate) -> None:
     """Boxes that survive, at steps spread from the roots to the leaves."""
     trace = SearchTrace()
-    find_overlap(model, make_gate(settings.gate), trace)
+    find_overlap(model, gate, trace)
     trees = [SegmentTree.of(part.positions, part.own_variance) for part in (model.a, model.b)]
     steps = sorted(trace.steps, reverse=True)
     chosen = np.unique(np.linspace(0, len(steps) - 1, len(panels)).round().astype(int))

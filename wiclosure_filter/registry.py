@@ -20,17 +20,17 @@ def _make_none(settings: FilterSettings, ground_truth: GroundTruth | None) -> Ca
 
 
 def _make_random(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
-    return RandomFilter(settings.random)
+    return RandomFilter(settings.random.keep_rate, settings.random.seed)
 
 
 def _make_oracle(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
     if ground_truth is None:
         raise ConfigError("the oracle filter needs ground truth; give a ground_truth trajectory for every robot")
-    return OracleFilter(ground_truth, settings.oracle)
+    return OracleFilter(ground_truth, settings.oracle.radius_m)
 
 
 def _make_range_gate(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:
-    return RangeGateFilter(settings.range_gate)
+    return RangeGateFilter(settings.range_gate.max_range_m, settings.range_gate.window_m)
 
 
 def _make_wiclosure(settings: FilterSettings, ground_truth: GroundTruth | None) -> CandidateFilter:

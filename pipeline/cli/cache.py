@@ -12,10 +12,10 @@ from rich.table import Table
 
 
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="throw everything away")] = False,
+    clear: Annotated[bool, typer.Option("--clear", help="delete all of them")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
-    """Show or clear the stages that earlier runs left for later ones.
+    """Show or delete the results of stages that earlier runs kept for later ones.
 
     The environment says where they are kept (WICLOSURE_CACHE) and how large they may grow in all (WICLOSURE_CACHE_GB).
     """

@@ -15,7 +15,7 @@ import typer
 from wiclosure import __version__
 from wiclosure.errors import WiclosureError
 from wiclosure.pipeline.cli import cache as cache_command
-from wiclosure.pipeline.cli import compare as compare_command
+from wiclosure.pipeline.cli import compare as compare_commands
 from wiclosure.pipeline.cli import data as data_commands
 from wiclosure.pipeline.cli import optimize as optimize_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
@@ -35,14 +35,14 @@ INTERRUPTED = 130
 """What Typer makes of Ctrl-C, as shells do: 128 and the signal's number."""
 
 app.command("run")(commands.run)
-app.command("compare")(compare_command.compare)
+app.command("compare")(compare_commands.compare_command)
 app.command("reproduce")(reproduce_command.reproduce)
-app.command("demo")(compare_command.demo)
-app.command("filter")(commands.filter_)
+app.command("demo")(compare_commands.demo)
+app.command("filter")(commands.filter_command)
 app.command("optimize")(optimize_command.optimize)
 app.command("simulate")(simulate_command.simulate)
 app.command("split")(data_commands.split)
-app.command("eval")(commands.evaluate)
+app.command("eval")(commands.eval_command)
 app.command("info")(data_commands.info)
 app.command("dump-config")(commands.dump_config)
 app.command("cache")(cache_command.cache)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, Reading, Result, Working, grouped
 
 if TYPE_CHECKING:
-    from wiclosure.pipeline.comparison.arms import Comparison, Plan
+    from wiclosure.pipeline.comparison.outcomes import Comparison
+    from wiclosure.pipeline.comparison.plan import Plan
 
 
 @grouped
-def compare(
+def compare_command(
     data: Data,
     *,
-    filters: Annotated[str, typer.Option("--filters", help="comma-separated names; the first is the base")] = (
-        "none,wiclosure"
-    ),
+    filters: Annotated[
+        str, typer.Option("--filters", help="comma-separated names; the others are compared with the first")
+    ] = ("none,wiclosure"),
     presets: Annotated[
         str | None,
         typer.Option(
@@ -28,7 +32,10 @@ def compare(
         ),
     ] = None,
     seeds: Annotated[
-        int, typer.Option("--seeds", min=1, help="so many worlds of a scenario, or draws of the random filter")
+        int,
+        typer.Option(
+            "--seeds", min=1, help="number of worlds of a scenario, or of draws of the random filter over recordings"
+        ),
     ] = 1,
     result: Result,
     configuration: Configuration,
@@ -46,23 +53,21 @@ def compare(
       wiclosure compare dataset.yaml --filters none,wiclosure,range-gate,oracle,random
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.comparison.plan import make_plan
 
     plan = make_plan(data, filters, presets, seeds, configuration=configuration, reading=reading)
     with result_folder(result, data) as (folder, scratch):
-        compared = run_plan(plan, scratch, working)
+        compared = _compared(plan, scratch, working)
     _show(compared, folder, working)
 
 
 @grouped
 def demo(
     result: Result,
-    seed: Annotated[int, typer.Option("--seed", help="another world")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="each seed gives another world")] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.comparison.plan import make_plan
     from wiclosure.pipeline.data.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
@@ -74,32 +79,74 @@ def demo(
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
         settings = Configuration(config="small-site", seed=seed)
         plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=Reading())
-        compared = run_plan(plan, scratch, working)
+        compared = _compared(plan, scratch, working)
     _show(compared, folder, working)
 
 
-def run_plan(plan: Plan, folder: Path, working: Working) -> Comparison:
-    """Runs every arm and writes all into `folder`."""
-    from wiclosure.pipeline.comparison import arms as comparison
-    from wiclosure.pipeline.comparison import pictures as comparison_pictures
-    from wiclosure.pipeline.comparison import tables as comparison_tables
+def make_plan(
+    data: Sequence[str],
+    filters: str,
+    presets: str | None = None,
+    seeds: int = 1,
+    *,
+    configuration: Configuration,
+    reading: Reading,
+) -> Plan:
+    """What these words ask to compare, checked before any work.
 
-    compared = comparison.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
-    comparison_tables.write_tables(folder, compared)
-    comparison_pictures.draw_errors(folder / "ate.png", compared)
-    comparison_pictures.draw_funnel(folder / "funnel.png", compared)
+    Args:
+        data: words that name recordings, or one scenario.
+        filters: comma-separated names.
+        presets: comma-separated presets or YAML files; None: the configuration alone.
+        seeds: worlds of a scenario, or draws of the random filter over recordings.
+        configuration: what the presets are laid over.
+        reading: how recordings are read.
+
+    Raises:
+        ConfigError: an unknown filter or preset (with the nearest name), one named twice, or none.
+    """
+    from wiclosure.pipeline.comparison.plan import Plan, recorded_worlds, require_each_once, scenario_worlds
+    from wiclosure.pipeline.data.scenario_source import PREFIX, read_scenario_word
+
+    sources: Sequence[str | None] = _words(presets or "") or [None]
+    names = [Path(source or configuration.config or "default").stem for source in sources]
+    require_each_once("preset", names)
+    configs = {name: configuration.resolved(preset=source) for name, source in zip(names, sources, strict=True)}
+    chosen = tuple(_words(filters))
+    if not any(word.startswith(PREFIX) for word in data):
+        inputs = partial(reading.inputs, data)
+        return Plan(configs, chosen, *recorded_worlds(inputs, chosen, seeds, configuration.seed or 0))
+    if configuration.seed is not None:
+        raise ConfigError("--seed: the seed of a scenario is named with it, for example scenario:city,seed=3")
+    reading.inputs(data)  # refuses what cannot be read beside a scenario
+    name, settings = read_scenario_word(data[0])
+    return Plan(configs, chosen, scenario_worlds(name, settings, seeds, reading.n_scans))
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _compared(plan: Plan, folder: Path, working: Working) -> Comparison:
+    """Runs every arm and writes all into `folder`."""
+    from wiclosure.pipeline.comparison import arms
+    from wiclosure.pipeline.comparison.comparison_folder import write_comparison
+
+    compared = arms.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
+    write_comparison(folder, compared)
     return compared
 
 
 def _show(compared: Comparison, folder: Path, working: Working) -> None:
     from rich.console import Console
 
-    from wiclosure.pipeline.comparison import tables as comparison_tables
+    from wiclosure.pipeline.cli.comparison_tables import comparison_table
+    from wiclosure.pipeline.comparison.tables import comparison_json
 
     if working.as_json:
-        typer.echo(json.dumps(comparison_tables.comparison_json(compared), indent=2))
+        typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:
-        Console().print(comparison_tables.comparison_table(compared))
+        Console().print(comparison_table(compared))
         for remark in compared.plan.remarks:
             Console().print(remark)
         Console().print(f"merged maps, tables and pictures in {folder}")

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 def split(
     kitti: Annotated[Path, typer.Argument(metavar="KITTI_DIR", help="folder of the KITTI odometry data set")],
     out: NewFolder,
-    sequence: Annotated[str | None, typer.Option("--sequence", help="for example 08", show_default=False)] = None,
-    robots: Annotated[int, typer.Option("--robots", min=2, help="how many robots")] = 3,
+    sequence: Annotated[
+        str | None, typer.Option("--sequence", help="name of the sequence, for example 08", show_default=False)
+    ] = None,
+    robots: Annotated[int, typer.Option("--robots", min=2, help="number of robots")] = 3,
     overlap: Annotated[
         float, typer.Option("--overlap", min=0, max=0.99, help="share of each part that the next robot drives as well")
     ] = 0.0,
@@ -49,7 +51,7 @@ def split(
 
 
 def info(
-    path: Annotated[Path, typer.Argument(metavar="BAG", help="a bag, KITTI folder or folder of clouds")],
+    path: Annotated[Path, typer.Argument(metavar="BAG", help="a bag, KITTI folder or folder of point clouds")],
     salvage: Salvage = False,
     as_json: Json = False,
 ) -> None:

@@ -35,7 +35,9 @@ FilterName = Annotated[
 ]
 ConfigName = Annotated[
     str | None,
-    typer.Option("--config", "-c", help="YAML file or preset name (see dump-config)", show_default=False),
+    typer.Option(
+        "--config", "-c", help="YAML file, or name of a preset (dump-config --presets lists them)", show_default=False
+    ),
 ]
 Set = Annotated[
     list[str] | None,
@@ -43,8 +45,8 @@ Set = Annotated[
 ]
 NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
-Salvage = Annotated[bool, typer.Option("--salvage", help="use what can be read of damaged bags")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress, no table")]
+Salvage = Annotated[bool, typer.Option("--salvage", help="read damaged bags as far as possible")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bars and no table")]
 Json = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
 
 
@@ -84,20 +86,20 @@ class Reading:
 
     topic: Annotated[
         str | None,
-        typer.Option("--topic", help="PointCloud2 topic; guessed when a bag has only one", show_default=False),
+        typer.Option("--topic", help="PointCloud2 topic; needed only where a bag has several", show_default=False),
     ] = None
     wireless: Annotated[
         list[Path] | None,
         typer.Option("--wireless", "-w", help="wireless log (JSON Lines), besides those of the data set"),
     ] = None
     n_scans: Annotated[
-        int | None, typer.Option("-n", "--n-scans", min=1, help="read only so many scans of each robot")
+        int | None, typer.Option("-n", "--n-scans", min=1, help="read at most this many scans of each robot")
     ] = None
     salvage: Salvage = False
 
     def inputs(self, data: Sequence[str]) -> Inputs:
         """The recordings and radio logs that `data` names."""
-        from wiclosure.pipeline.data.inputs import open_inputs
+        from wiclosure.pipeline.data.open_inputs import open_inputs
 
         wireless = self.wireless or ()
         return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
@@ -113,17 +115,18 @@ class Working:
             "-j",
             "--jobs",
             min=1,
-            help="processes: a robot each for odometry, more than robots also read ahead; then registrations",
+            help="number of processes: one per robot for odometry, further ones read scans ahead; then registrations",
         ),
     ] = 1
-    no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage anew, and keep none")] = False
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False
     quiet: Quiet = False
     as_json: Json = False
 
     @property
     def progress(self) -> Progress:
         """Bars, unless quiet."""
-        from wiclosure.pipeline.runtime.progress import BarProgress, NoProgress
+        from wiclosure.pipeline.report.progress_bars import BarProgress
+        from wiclosure.pipeline.runtime.progress import NoProgress
 
         return NoProgress() if self.quiet else BarProgress()
 

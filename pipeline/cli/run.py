@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -75,23 +76,37 @@ def run(
         show_map(folder / "map.ply")
 
 
-def filter_(
+@dataclass(frozen=True, slots=True)
+class FilterFiles:
+    """What `wiclosure filter` writes."""
+
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="CSV file of the kept pairs", show_default=False)] = (
+        None
+    )
+    summary: Annotated[
+        Path | None, typer.Option("--summary", help="JSON file with alignments and figures", show_default=False)
+    ] = None
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
+    ] = None
+    overwrite: Overwrite = False
+
+
+@grouped
+def filter_command(
     trajectory: Annotated[
         list[str],
-        typer.Option("--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM); one for each robot"),
+        typer.Option(
+            "--trajectory", "-t", metavar="NAME=FILE", help="odometry of a robot (TUM file); one for each robot"
+        ),
     ],
     wireless: Annotated[list[Path], typer.Option("--wireless", "-w", help="wireless log (JSON Lines), or a bag")],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="kept pairs as CSV", show_default=False)] = None,
-    summary: Annotated[
-        Path | None, typer.Option("--summary", help="alignments and figures as JSON", show_default=False)
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="folder for pictures of what the filter did", show_default=False)
-    ] = None,
+    files: FilterFiles,
+    *,
     filter_name: FilterName = None,
     config: ConfigName = None,
     set_: Set = None,
-    overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -101,24 +116,29 @@ def filter_(
 
       wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
     """
+    from rich.console import Console
+
+    from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.report.tables import filter_table
+    from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    filtering.filter_candidates(
-        trajectory,
-        wireless,
-        config=resolve(config, set_, use_filter=filter_name),
-        outputs=filtering.Outputs(out, summary, plot, overwrite=overwrite),
-        quiet=quiet,
-        as_json=as_json,
-    )
+    settings = resolve(config, set_, use_filter=filter_name)
+    outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
+    with warnings_on_terminal():
+        result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)
+    if as_json:
+        typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
+    elif not quiet:
+        Console().print(filter_table(result))
 
 
-def evaluate(
+def eval_command(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
     as_json: Json = False,
 ) -> None:
-    """Compare a finished run with ground truth again: joint ATE, ATE a robot, RPE, inter-robot transforms."""
+    """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
     from rich.console import Console
 
     from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories
@@ -142,8 +162,9 @@ def dump_config(
 ) -> None:
     """Print the resolved configuration as YAML, every key with its unit and meaning."""
     from wiclosure.pipeline import config as configuration
+    from wiclosure.pipeline.presets import preset_names
 
-    known = "\n".join(configuration.preset_names())
+    known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
 
 

@@ -13,10 +13,10 @@ from wiclosure.pipeline.cli.options import NewFolder, Overwrite, Quiet, Working,
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class ScenarioOptions:
     """What is chosen about a scenario; None leaves the scenario's own value."""
 
-    robots: Annotated[int | None, typer.Option("--robots", help="how many", show_default=False)] = None
+    robots: Annotated[int | None, typer.Option("--robots", help="number of robots", show_default=False)] = None
     lidar: Annotated[
         str | None, typer.Option("--lidar", help="hdl64, vlp16, vlp32, os1-64, generic-32", show_default=False)
     ] = None
@@ -27,13 +27,20 @@ class World:
     poses: Annotated[
         Path | None, typer.Option("--poses", help="KITTI poses to build streets along (kitti08)", show_default=False)
     ] = None
-    seed: Annotated[int, typer.Option("--seed", min=0, help="another seed, another world")] = 0
+    seed: Annotated[int, typer.Option("--seed", min=0, help="each seed gives another world")] = 0
     radio_every_m: Annotated[
         float | None,
-        typer.Option("--radio-every-m", help="m that the listener travels between measurements", show_default=False),
+        typer.Option(
+            "--radio-every-m", help="metres that the receiving robot travels between measurements", show_default=False
+        ),
     ] = None
     radio_reach_m: Annotated[
-        float | None, typer.Option("--radio-reach-m", help="m, farthest transmission heard", show_default=False)
+        float | None,
+        typer.Option(
+            "--radio-reach-m",
+            help="greatest distance in metres at which a transmission is received",
+            show_default=False,
+        ),
     ] = None
     radio_dropout: Annotated[
         float | None,
@@ -47,19 +54,25 @@ class World:
     ] = None
     reciprocal: Annotated[
         bool | None,
-        typer.Option("--reciprocal/--one-way", help="both robots of a link listen, or one", show_default=False),
+        typer.Option(
+            "--reciprocal/--one-way", help="both robots of a link receive, or only the first", show_default=False
+        ),
     ] = None
     schedule: Annotated[
         Path | None,
         typer.Option(
-            "--schedule", help="CSV of when robots can talk: start_s,end_s[,robot_a,robot_b]", show_default=False
+            "--schedule",
+            help="CSV of the times at which robots can communicate: start_s,end_s[,robot_a,robot_b]",
+            show_default=False,
         ),
     ] = None
     heading_sigma_deg: Annotated[
         float | None,
-        typer.Option("--heading-deg", min=0, help="degrees, sigma of the heading sensor", show_default=False),
+        typer.Option(
+            "--heading-deg", min=0, help="standard deviation of the heading sensor in degrees", show_default=False
+        ),
     ] = None
-    no_headings: Annotated[bool, typer.Option("--no-headings", help="robots without heading sensor")] = False
+    no_headings: Annotated[bool, typer.Option("--no-headings", help="robots have no heading sensor")] = False
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="any other setting, e.g. radio.paths=3; may be repeated")
     ] = None
@@ -89,7 +102,7 @@ class World:
 def simulate(
     scenario: Annotated[str, typer.Argument(help="demo-site, shell-space, city, kitti08, campus, static-mirror")],
     out: NewFolder,
-    world: World,
+    options: ScenarioOptions,
     recording_format: Annotated[
         str, typer.Option("--format", help="ros1, ros2-mcap, ros2-sqlite3, kitti")
     ] = "ros2-mcap",
@@ -113,7 +126,7 @@ def simulate(
 
     require_format(recording_format)
     with warnings_on_terminal():
-        made = make_scenario(scenario, scenario_settings(world.words(), f"simulate {scenario}"))
+        made = make_scenario(scenario, scenario_settings(options.words(), f"simulate {scenario}"))
         with whole_folder(out, overwrite=overwrite) as scratch:
             formats = dict.fromkeys(made.robots, recording_format)
             write_scenario(made, scratch, formats, progress=Working(quiet=quiet).progress)

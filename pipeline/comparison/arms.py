@@ -7,106 +7,21 @@ what an arm leaves behind is written at once, and only its figures stay in memor
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from wiclosure.errors import ConfigError
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
+from wiclosure.pipeline.comparison.plan import Plan, World
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.data.inputs import Inputs
-from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.stages.registrations import Known
 from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run
 from wiclosure.pipeline.stages.run_folder import write_run
-from wiclosure.simulation.names import lookup
-from wiclosure.wiclosure_filter.registry import FILTERS
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class World:
-    """Recordings that all arms run over.
-
-    Args:
-        seed: what tells it from other worlds.
-        inputs: opens them.
-        draws: seeds of the random filter, which runs once with each.
-    """
-
-    seed: int
-    inputs: Callable[[], Inputs]
-    draws: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What is to be compared.
-
-    Args:
-        configs: configuration by the name of its preset.
-        filters: names, the first being the base that the others are compared with.
-        worlds: where they run.
-        remarks: sentences for the user.
-    """
-
-    configs: Mapping[str, Config]
-    filters: tuple[str, ...]
-    worlds: tuple[World, ...]
-    remarks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not self.filters:
-            raise ConfigError("there is nothing to compare; name filters, for example --filters none,wiclosure")
-        for name in self.filters:
-            lookup("candidate filter", name, FILTERS)
-        require_each_once("filter", self.filters)
-
-    def folder(self, seed: int, preset: str) -> Path:
-        """Where the arms of one seed and preset lie, below the result folder."""
-        several_seeds = len({draw for world in self.worlds for draw in world.draws}) > 1
-        levels = [f"seed-{seed}"] if several_seeds else []
-        return Path(*levels, *([preset] if len(self.configs) > 1 else []))
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What stays of an arm's run over one world.
-
-    Args:
-        seed: of the world, or of the random filter where only that changes.
-        preset: name.
-        filter: name.
-        folder: of the run, below the result folder.
-        metrics: its figures.
-    """
-
-    seed: int
-    preset: str
-    filter: str
-    folder: Path
-    metrics: Metrics
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """All outcomes, in the order of presets, filters, seeds."""
-
-    plan: Plan
-    outcomes: tuple[Outcome, ...]
-
-    @property
-    def arms(self) -> dict[tuple[str, str], tuple[Outcome, ...]]:
-        """Outcomes by preset and filter."""
-        names = [(preset, name) for preset in self.plan.configs for name in self.plan.filters]
-        return {arm: tuple(o for o in self.outcomes if (o.preset, o.filter) == arm) for arm in names}
-
-    def base(self, preset: str) -> tuple[Outcome, ...]:
-        """Outcomes of the arm that the others of the preset are compared with."""
-        return self.arms[preset, self.plan.filters[0]]
 
 
 def compare(plan: Plan, folder: Path, *, cache: StageCache, jobs: int, progress: Progress) -> Comparison:
@@ -180,14 +95,3 @@ def _with_equal_front_ends(configs: Mapping[str, Config]) -> list[dict[str, Conf
         key = (config.odometry, config.keyframes, config.scan_context, config.drift)
         groups.setdefault(key, {})[preset] = config
     return list(groups.values())
-
-
-def require_each_once(what: str, names: Sequence[str]) -> None:
-    """Fails where a name occurs twice.
-
-    Raises:
-        ConfigError: it does.
-    """
-    twice = sorted({name for name in names if list(names).count(name) > 1})
-    if twice:
-        raise ConfigError(f"{what} {', '.join(twice)} is named twice; name each once")

@@ -1,4 +1,4 @@
-"""The figures by which arms are compared, and what they say over all seeds."""
+"""The figures by which arms are compared, and their statistics over all seeds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.statistics import Better, Paired, Spread, paired, spread
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
@@ -138,4 +138,4 @@ def _values(figure: Figure, outcomes: Sequence[Outcome]) -> dict[int, float]:
 
 def _medians(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
     found = {stage: spread([run[stage] for run in runs]) for stage in runs[0]}
-    return {stage: of.median for stage, of in found.items() if of is not None}
+    return {stage: spread_s.median for stage, spread_s in found.items() if spread_s is not None}

@@ -18,7 +18,7 @@ from wiclosure.types import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from wiclosure.pipeline.comparison.arms import Comparison, Outcome
+    from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 
 FILTER_STYLES = {
     "none": ("#555555", "o"),
@@ -32,7 +32,7 @@ ZERO = 0.25
 
 
 def draw_errors(path: Path, comparison: Comparison) -> None:
-    """Team ATE of every arm, one point a seed, on a logarithmic axis.
+    """Team ATE of every arm, one point per seed, on a logarithmic axis.
 
     Raises:
         OutputError: the picture cannot be written.
@@ -53,7 +53,7 @@ def draw_errors(path: Path, comparison: Comparison) -> None:
             axes.text(1.01, row, text, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=INK)
     _scale_errors(axes)
     _label_arms(axes, list(arms))
-    axes.set_xlabel("team ATE, m (one point a seed, line: median)")
+    axes.set_xlabel("team ATE, m (one point per seed, line: median)")
     axes.grid(visible=True, axis="x", color="#ececec", linewidth=0.6)
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", frameon=False, fontsize=8)
@@ -62,7 +62,7 @@ def draw_errors(path: Path, comparison: Comparison) -> None:
 
 
 def draw_funnel(path: Path, comparison: Comparison) -> None:
-    """Candidates that are left after each stage, one panel an arm: median over the seeds, and from least to most.
+    """Candidates that are left after each stage, one panel per arm: median over the seeds, and from least to most.
 
     Raises:
         OutputError: the picture cannot be written.

@@ -1,70 +1,104 @@
-"""What the words of the command line ask to compare."""
+"""What is to be compared: configurations, filters, and the worlds in which they run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration, Reading
-from wiclosure.pipeline.comparison.arms import Plan, World, require_each_once
-from wiclosure.pipeline.data.scenario_source import PREFIX, read_scenario_word, scenario_inputs
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.data.inputs import Inputs
+from wiclosure.pipeline.data.scenario_source import scenario_inputs
+from wiclosure.simulation.names import lookup
 from wiclosure.simulation.scenarios import ScenarioSettings
+from wiclosure.wiclosure_filter.registry import FILTERS
 
 
-def make_plan(
-    data: Sequence[str],
-    filters: str,
-    presets: str | None = None,
-    seeds: int = 1,
-    *,
-    configuration: Configuration,
-    reading: Reading,
-) -> Plan:
-    """Arms and worlds, checked before any work.
+@dataclass(frozen=True, eq=False)
+class World:
+    """Recordings that all arms run over.
 
     Args:
-        data: words that name recordings, or one scenario.
-        filters: comma-separated names.
-        presets: comma-separated presets or YAML files; None: the configuration alone.
-        seeds: worlds of a scenario, or draws of the random filter over recordings.
-        configuration: what the presets are laid over.
-        reading: how recordings are read.
-
-    Raises:
-        ConfigError: an unknown filter or preset (with the nearest name), one named twice, or none.
+        seed: what tells it from other worlds.
+        inputs: opens them.
+        draws: seeds of the random filter, which runs once with each.
     """
-    sources: Sequence[str | None] = _words(presets or "") or [None]
-    names = [Path(source or configuration.config or "default").stem for source in sources]
-    require_each_once("preset", names)
-    configs = {name: configuration.resolved(preset=source) for name, source in zip(names, sources, strict=True)}
-    chosen = tuple(_words(filters))
-    if not any(word.startswith(PREFIX) for word in data):
-        return Plan(configs, chosen, *_recorded(data, chosen, seeds, configuration.seed or 0, reading))
-    if configuration.seed is not None:
-        raise ConfigError("--seed: the seed of a scenario is named with it, for example scenario:city,seed=3")
-    reading.inputs(data)  # refuses what cannot be read beside a scenario
-    name, settings = read_scenario_word(data[0])
-    return Plan(configs, chosen, scenario_worlds(name, settings, seeds, reading.n_scans))
+
+    seed: int
+    inputs: Callable[[], Inputs]
+    draws: tuple[int, ...]
 
 
-def _recorded(
-    data: Sequence[str], filters: Sequence[str], seeds: int, first_draw: int, reading: Reading
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is to be compared.
+
+    Args:
+        configs: configuration by the name of its preset.
+        filters: names, the first being the base that the others are compared with.
+        worlds: where they run.
+        remarks: sentences for the user.
+    """
+
+    configs: Mapping[str, Config]
+    filters: tuple[str, ...]
+    worlds: tuple[World, ...]
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.filters:
+            raise ConfigError("there is nothing to compare; name filters, for example --filters none,wiclosure")
+        for name in self.filters:
+            lookup("candidate filter", name, FILTERS)
+        require_each_once("filter", self.filters)
+
+    def folder(self, seed: int, preset: str) -> Path:
+        """Where the arms of one seed and preset lie, below the result folder."""
+        several_seeds = len({draw for world in self.worlds for draw in world.draws}) > 1
+        levels = [f"seed-{seed}"] if several_seeds else []
+        return Path(*levels, *([preset] if len(self.configs) > 1 else []))
+
+
+def recorded_worlds(
+    inputs: Callable[[], Inputs], filters: Sequence[str], seeds: int = 1, first_seed: int = 0
 ) -> tuple[tuple[World, ...], tuple[str, ...]]:
-    draws = tuple(range(first_draw, first_draw + seeds)) if "random" in filters else (first_draw,)
+    """Recordings as the one world that they are, with a remark where more seeds than one are wanted.
+
+    Args:
+        inputs: opens them.
+        filters: names; only `random` is another with each seed.
+        seeds: draws of the random filter.
+        first_seed: of the first draw.
+    """
+    draws = tuple(range(first_seed, first_seed + seeds)) if "random" in filters else (first_seed,)
     what = "so the other filters run once" if len(draws) > 1 else "and that is not among the filters: one run each"
     remark = f"recordings are one world: of {seeds} seeds only the random filter is another each time, {what}"
-    return (World(first_draw, partial(reading.inputs, data), draws),), (remark,) if seeds > 1 else ()
+    return (World(first_seed, inputs, draws),), (remark,) if seeds > 1 else ()
 
 
 def scenario_worlds(name: str, settings: ScenarioSettings, seeds: int, limit: int | None = None) -> tuple[World, ...]:
-    """The scenario with its seed and those that follow."""
+    """The scenario with its seed and those that follow.
+
+    Args:
+        name: of the scenario.
+        settings: of the first world.
+        seeds: how many worlds.
+        limit: read at most so many scans of each robot.
+    """
     return tuple(
         World(seed, partial(scenario_inputs, name, settings.model_copy(update={"seed": seed}), limit=limit), (seed,))
         for seed in range(settings.seed, settings.seed + seeds)
     )
 
 
-def _words(text: str) -> list[str]:
-    return [word.strip() for word in text.split(",") if word.strip()]
+def require_each_once(what: str, names: Sequence[str]) -> None:
+    """Fails where a name occurs twice.
+
+    Raises:
+        ConfigError: it does.
+    """
+    twice = sorted({name for name in names if list(names).count(name) > 1})
+    if twice:
+        raise ConfigError(f"{what} {', '.join(twice)} is named twice; name each once")

@@ -6,18 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome, Plan
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS, Experiment
 from wiclosure.pipeline.comparison.figures import FIGURES, Figure, summaries
-from wiclosure.pipeline.comparison.plan import scenario_worlds
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
+from wiclosure.pipeline.comparison.plan import Plan, scenario_worlds
 from wiclosure.pipeline.comparison.statistics import spread
 from wiclosure.pipeline.comparison.tables import markdown, spread_text
+from wiclosure.pipeline.config import resolve
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.scenarios import ScenarioSettings
 
-FILTERS = ("none", "wiclosure", "oracle")
+ARMS = ("none", "wiclosure", "oracle")
+"""Filters that run beside the paper's two columns."""
+
 FAILURE_DRIFTS, FAILURE_M = 2.0, 1.0
 """A run has failed where its robots are not all connected, or the team ATE exceeds so many times what odometry alone
 leaves plus so many metres: more than drift explains."""
@@ -50,7 +52,7 @@ def plan_of(
     seed: int = 0,
     seeds: int = 1,
     n_scans: int | None = None,
-    set_: list[str] | None = None,
+    set_: Sequence[str] | None = None,
 ) -> tuple[Experiment, Plan]:
     """The experiment of that name, and its arms.
 
@@ -72,10 +74,9 @@ def plan_of(
             if experiment.needs_poses
             else f"reproduce {name} takes no --poses; leave it out"
         )
-    settings = Configuration(config=experiment.site, set_=set_)
-    configs = {preset: settings.resolved(preset=preset) for preset in experiment.presets}
+    configs = {preset: resolve(experiment.site, set_, preset=preset) for preset in experiment.presets}
     worlds = scenario_worlds(experiment.scenario, ScenarioSettings(seed=seed, poses=poses), seeds, n_scans)
-    return experiment, Plan(configs, FILTERS, worlds)
+    return experiment, Plan(configs, ARMS, worlds)
 
 
 def tables(experiment: Experiment, comparison: Comparison) -> dict[str, tuple[list[str], list[list[str]]]]:
@@ -98,7 +99,10 @@ def report(experiment: Experiment, comparison: Comparison, n_scans: int | None =
         f"World: scenario `{experiment.scenario}`, seeds {seeds}. Medians over the seeds, [smallest, largest]; seconds"
         " are uncached: what each arm costs alone from raw scans, on this machine. The paper's figures are of its own"
         " robots and machine: compare its totals with each other." + part_only,
-        *(f"## Back end {preset}\n\n{markdown(*of)}" for preset, of in tables(experiment, comparison).items()),
+        *(
+            f"## Back end {preset}\n\n{markdown(header, rows)}"
+            for preset, (header, rows) in tables(experiment, comparison).items()
+        ),
         "*Closing time* is search (filter and scan context), verification and optimisation. The oracle knows the true"
         " poses: a perfect filter. Odometry alone: each robot aligned on its own, what drift leaves.",
         "## What fails\n\nA run fails where its robots are not all connected, or its ATE is more than"

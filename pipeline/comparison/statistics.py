@@ -1,4 +1,4 @@
-"""What repeated runs say together: spread, and arms compared seed by seed.
+"""Statistics over repeated runs: spread, and arms compared seed by seed.
 
 An infinite value stands for a run that failed, such as robots that stayed unconnected: worse than any number.
 """
@@ -51,7 +51,7 @@ class Paired:
 
 
 def spread(values: list[float]) -> Spread | None:
-    """Of one value a run; None of nothing."""
+    """Of one value per run; None without any."""
     if not values:
         return None
     ordered = sorted(values)

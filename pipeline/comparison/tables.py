@@ -1,4 +1,4 @@
-"""A comparison in tables: every run as CSV, every run and what they say together as JSON, the latter as Markdown."""
+"""A comparison in tables: all runs as CSV, runs and figures over the seeds as JSON, the latter as Markdown too."""
 
 from __future__ import annotations
 
@@ -9,10 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome
 from wiclosure.pipeline.comparison.figures import (
     FIGURES,
     ArmSummary,
@@ -21,13 +17,13 @@ from wiclosure.pipeline.comparison.figures import (
     saving_percent,
     summaries,
 )
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.statistics import Paired, Spread
 from wiclosure.pipeline.evaluation.metrics import Metrics
-from wiclosure.pipeline.stages.run_folder import write_json
+from wiclosure.pipeline.runtime.output import write_json
 
 UNKNOWN = "-"
 FAILED = "not connected"
-ON_TERMINAL = ("ate_m", "accepted_true", "accepted_false", "missed_percent", "closing_s")
 
 Cell = str | float | None
 COLUMNS: dict[str, Callable[[Metrics, Metrics], Cell]] = {
@@ -75,30 +71,28 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """Arms with medians and spread, arms against the base, and seconds a stage."""
+    """Arms with medians and spread, arms against the base, and seconds per stage."""
     arms = summaries(comparison)
     repeated = max(arm.runs for arm in arms) > 1
     parts = [
         f"# Comparison\n\nBase arm: {comparison.plan.filters[0]}. Median over the seeds, [smallest, largest].",
         *comparison.plan.remarks,
-        markdown(*_arms(arms)),
+        markdown(*arm_rows(arms)),
         *(["## Against the base arm, seed by seed", markdown(*_against(arms))] if repeated else []),
-        "## Seconds a stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
+        "## Seconds per stage, median: uncached (what the arm costs alone, from raw scans) / spent in this invocation",
         markdown(*_stages(arms)),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def comparison_table(comparison: Comparison) -> Table:
-    """What matters most of each arm, for the terminal: medians and spread."""
-    header, rows = _arms(summaries(comparison), ON_TERMINAL)
-    table = Table(title="comparison", title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(header[0], style="bold", no_wrap=True)
-    for title in header[1:]:
-        table.add_column(title, justify="right", min_width=9 if title == FIGURES["ate_m"].label else None)
-    for row in rows:
-        table.add_row(*row)
-    return table
+def arm_rows(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: median and spread of each of these figures, one row per arm."""
+    header = ["arm", "runs", *(FIGURES[key].label for key in keys), "saving, %"]
+    rows = []
+    for arm in arms:
+        figures = [spread_text(arm.figures.get(key), FIGURES[key].form) for key in keys]
+        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.1f}")])
+    return header, rows
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
@@ -113,15 +107,6 @@ def _row(comparison: Comparison, outcome: Outcome) -> dict[str, Cell]:
     row |= {f"seconds_{stage}": value for stage, value in metrics["seconds"].items()}
     row |= {f"spent_{stage}": value for stage, value in metrics["seconds_spent"].items()}
     return row | {"folder": str(outcome.folder)}
-
-
-def _arms(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -> tuple[list[str], list[list[str]]]:
-    header = ["arm", "runs", *(FIGURES[key].label for key in keys), "saving, %"]
-    rows = []
-    for arm in arms:
-        figures = [spread_text(arm.figures.get(key), FIGURES[key].form) for key in keys]
-        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.1f}")])
-    return header, rows
 
 
 def _against(arms: Sequence[ArmSummary]) -> tuple[list[str], list[list[str]]]:

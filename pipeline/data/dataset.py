@@ -11,13 +11,14 @@ from pathlib import Path
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.data.dataset_file import DATASET_FILE, near_match, read_dataset_file
+from wiclosure.pipeline.data.dataset_file import DATASET_FILE, read_dataset_file
 from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
-from wiclosure.pipeline.data.recorded_odometry import recorded_odometry
+from wiclosure.pipeline.data.odometry_reader import read_recorded_odometry
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
+from wiclosure.suggestions import did_you_mean
 from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
@@ -99,7 +100,7 @@ class Dataset:
         """
         recording = self.robots[robot]
         try:
-            trajectory = recorded_odometry(robot, recording, salvage=salvage)
+            trajectory = read_recorded_odometry(robot, recording, salvage=salvage)
         except InputError as error:
             raise InputError(f"robot {robot}: {error}") from error
         if trajectory is None:
@@ -127,7 +128,7 @@ class Dataset:
         for robot in sorted(log.robots() - set(self.robots)):
             raise InputError(
                 f"{path} mentions the robot {robot!r}, but the data set has {', '.join(self.robots)};"
-                f" {near_match(robot, self.robots)}add its recording, or name the robots alike"
+                f" {did_you_mean(robot, self.robots)}add its recording, or name the robots alike"
             )
         return log
 

@@ -8,26 +8,23 @@ wireless: [wireless.jsonl]            # and/or topics inside the bags
 ```
 Paths are relative to the file.  A robot may also say `ranges: {/uwb_2: beta}`: whom it ranges on which
 `sensor_msgs/Range` topic of its bag.  With odometry of its own, `odometry: alpha_odom.tum`, or `odometry_topic: /odom`
-(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` says where the LiDAR is
-in the axes whose way that odometry tells.
+(`nav_msgs/Odometry` in its bag), KISS-ICP is left out; `lidar_pose: [x, y, z, qx, qy, qz, qw]` is the pose of the
+LiDAR in the body frame of that odometry.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.data.recording import RobotRecording
-
-if TYPE_CHECKING:
-    from wiclosure.pipeline.data.dataset import Dataset
+from wiclosure.suggestions import did_you_mean
 
 DATASET_FILE = "dataset.yaml"
 WIRELESS_FILE = "wireless.jsonl"
@@ -53,27 +50,26 @@ def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Path
     return robots, tuple(_existing(path, "wireless log", log) for log in logs)
 
 
-def write_dataset(path: Path | str, dataset: Dataset) -> None:
+def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wireless: Iterable[Path] = ()) -> None:
     """Writes a data set file; paths become relative to it where they lie beside or below it.
+
+    Args:
+        path: the file.
+        robots: recordings by name of the robot, in order.
+        wireless: wireless logs.
 
     Raises:
         OutputError: the file cannot be written.
     """
     path = Path(path)
-    robots = {robot: _entry(path.parent, recording) for robot, recording in dataset.robots.items()}
-    content: dict[str, Any] = {"robots": robots}
-    if dataset.wireless:
-        content["wireless"] = [_relative(path.parent, log) for log in dataset.wireless]
+    entries = {robot: _entry(path.parent, recording) for robot, recording in robots.items()}
+    content: dict[str, Any] = {"robots": entries}
+    if logs := [_relative(path.parent, log) for log in wireless]:
+        content["wireless"] = logs
     try:
         path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"cannot write the data set {path}: {error.strerror}; choose another place") from error
-
-
-def near_match(name: str, known: Iterable[str]) -> str:
-    """`did you mean ...? `, or nothing."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"did you mean {near[0]!r}? " if near else ""
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
@@ -128,7 +124,7 @@ def _mapping(path: Path, what: str, value: object, known: Sequence[str] = ()) ->
         )
     for key in value:
         if known and key not in known:
-            hint = near_match(str(key), known)
+            hint = did_you_mean(str(key), known)
             raise InputError(f"{path}: {what} has the unknown key {key!r}; {hint}known: {', '.join(known)}")
     return value
 

@@ -16,11 +16,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from wiclosure.errors import OutputError
+from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.pipeline.runtime.output import whole_folder
+from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
@@ -124,12 +126,6 @@ def write_kitti_folder(path: Path | str, scans: Iterable[Scan], *, T_world_lidar
             if len(T_world_lidar) != len(stamps_ns):
                 raise OutputError(f"{path}: {len(T_world_lidar)} poses for {len(stamps_ns)} scans; give one each")
             write_kitti_poses(scratch / "poses.txt", T_world_lidar)
-
-
-def write_kitti_poses(path: Path, poses: FloatArray) -> None:
-    """Writes poses `(N, 4, 4)` as KITTI does: 12 numbers a line, all digits."""
-    rows = poses[:, :3].reshape(-1, 12).tolist()
-    path.write_text("".join(f"{' '.join(map(repr, row))}\n" for row in rows))
 
 
 def _topics(topic: str, wireless: WirelessLog | None) -> list[tuple[str, str]]:

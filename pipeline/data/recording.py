@@ -19,7 +19,7 @@ class RobotRecording:
         ranges: transmitter of each `sensor_msgs/Range` topic in the robot's bag that is a radio's.
         odometry: TUM file of the robot's own odometry, in the place of KISS-ICP's, or None.
         odometry_topic: the same as a `nav_msgs/Odometry` topic of its bag.
-        lidar_pose: `x y z qx qy qz qw` of the LiDAR in the axes whose way that odometry tells; None where they are one.
+        lidar_pose: `x y z qx qy qz qw` of the LiDAR in the body frame of that odometry; None: they are the same.
     """
 
     scans: Path

@@ -12,9 +12,9 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.config import explain, nested_words
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.runtime.cache import code_digest, file_identity
+from wiclosure.pipeline.runtime.settings_text import explain, nested_words
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
@@ -49,7 +49,7 @@ def scenario_inputs(name: str, settings: ScenarioSettings | None = None, *, limi
     Args:
         name: of the scenario.
         settings: what is chosen about it; for another seed, `settings.model_copy(update={"seed": seed})`.
-        limit: read at most so many scans a robot.
+        limit: read at most so many scans per robot.
 
     Raises:
         ConfigError: unknown scenario or LiDAR, or settings that make no sense.

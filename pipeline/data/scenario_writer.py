@@ -9,7 +9,6 @@ from typing import TypeAlias
 from wiclosure.errors import ConfigError
 from wiclosure.formats.tum import write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
-from wiclosure.pipeline.data.dataset import Dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
@@ -86,5 +85,5 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         write_tum(ground_truth, scenario.ground_truth(robot))
         robots[robot] = RobotRecording(recording, ground_truth=ground_truth)
     write_wireless_log(folder / WIRELESS_FILE, wireless)
-    write_dataset(folder / DATASET_FILE, Dataset(robots, (folder / WIRELESS_FILE,)))
+    write_dataset(folder / DATASET_FILE, robots, [folder / WIRELESS_FILE])
     return folder / DATASET_FILE

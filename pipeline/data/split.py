@@ -82,11 +82,11 @@ def split_kitti(
     parts = contiguous_parts(source.stamps_ns, robots, overlap)
     with whole_folder(out, overwrite=overwrite) as scratch:
         recordings = {robot: _write_robot(scratch, robot, part, source, truth) for robot, part in parts.items()}
-        dataset = Dataset(recordings)
+        logs = []
         if heard is not None:
-            write_wireless_log(scratch / WIRELESS_FILE, heard(dataset))
-            dataset = Dataset(recordings, (scratch / WIRELESS_FILE,))
-        write_dataset(scratch / DATASET_FILE, dataset)
+            write_wireless_log(scratch / WIRELESS_FILE, heard(Dataset(recordings)))
+            logs.append(scratch / WIRELESS_FILE)
+        write_dataset(scratch / DATASET_FILE, recordings, logs)
         _write_record(scratch / SPLIT_FILE, source.path, parts)
     return load_dataset([str(out / DATASET_FILE)])
 

@@ -10,9 +10,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, ClosureMetrics
-from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
-
-PASSED = (Decision.VERIFIED, Decision.ACCEPTED)
+from wiclosure.types import CandidatePairs, Closure, FloatArray, Stage, Trajectory, measured_poses, survivors
 
 
 def candidate_metrics(
@@ -61,25 +59,19 @@ def _pairs_within(position_a: FloatArray, position_b: FloatArray, radius_m: floa
     return int(cKDTree(position_a).count_neighbors(cKDTree(position_b), radius_m))
 
 
-def closure_metrics(
-    verified: Sequence[Closure],
-    final: Sequence[Closure],
-    judge: ClosureJudge,
-) -> ClosureMetrics:
-    """How far the closures came, and which of them are true.
+def closure_metrics(closures: Sequence[Closure], judge: ClosureJudge) -> ClosureMetrics:
+    """How far the closures of a run came, and which of them are true.
 
     Args:
-        verified: every proposed closure as registration left it.
-        final: the same closures as the back end left them.
+        closures: every proposed closure with its final decision.
         judge: tells true from false.
     """
-    passed = [c for c in verified if c.decision in PASSED]
-    accepted = [c for c in final if c.decision is Decision.ACCEPTED]
-    verified_true, verified_false = judge.count(passed)
+    verified, accepted = (survivors(closures, stage) for stage in (Stage.RADIO_CHECK, Stage.ESTIMATE))
+    verified_true, verified_false = judge.count(verified)
     accepted_true, accepted_false = judge.count(accepted)
     return {
-        "proposed": len(verified),
-        "verified": len(passed),
+        "proposed": len(closures),
+        "verified": len(verified),
         "accepted": len(accepted),
         "verified_true": verified_true,
         "verified_false": verified_false,
@@ -134,9 +126,9 @@ def _tally(right: np.ndarray, covered: np.ndarray, *, known: bool) -> tuple[int,
 def closure_errors(
     closures: Sequence[Closure], keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory], gap_s: float
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Errors `(N,)` in m and degrees of the closures' transforms, and for which of them ground truth says so."""
+    """Errors `(N,)` in m and degrees of the closures' measured poses, and for which of them ground truth says so."""
     true_query, true_match, covered = _true_ends(closures, keyframes, truth, gap_s)
-    measured = np.array([c.T_query_match for c in closures]).reshape(-1, 4, 4)
+    measured, _ = measured_poses(closures)
     error = se3.between(measured, se3.between(true_query, true_match))
     return np.linalg.norm(error[:, :3, 3], axis=1), np.degrees(se3.rotation_angle(error)), covered
 

@@ -5,45 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pydantic import Field
-
-from wiclosure.pipeline.evaluation.body_axes import OrientedTruth, in_lidar_axes
-from wiclosure.pipeline.evaluation.closures import ClosureJudge, candidate_metrics, closure_metrics
+from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import candidate_metrics, closure_metrics
 from wiclosure.pipeline.evaluation.funnel import funnel
 from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics, TrajectoryMetrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.evaluation.trajectories import odometry_errors, trajectory_metrics
-from wiclosure.settings import Settings
 from wiclosure.types import Closure, FilterResult, Trajectory
-
-
-class EvaluationSettings(Settings):
-    """What counts as true."""
-
-    overlap_radius_m: float = Field(
-        35.0, gt=0, description="m; keyframes nearer than this see a common place (the paper's radius): `candidates`"
-    )
-    registrable_radius_m: float = Field(
-        10.0, gt=0, description="m; keyframes nearer than this can be registered reliably: `candidates_registrable`"
-    )
-    closure_error_m: float = Field(
-        2.0,
-        gt=0,
-        description="m; an accepted closure further off ground truth is false. Ground truth itself is good to a metre"
-        " or so (GNSS, or two passes through one place), false closures are off by tens",
-    )
-    closure_error_deg: float = Field(
-        5.0, gt=0, description="degrees; an accepted closure turned further from ground truth is false"
-    )
-    ground_truth_gap_s: float = Field(
-        1.0, gt=0, description="s; a pose is compared only if ground truth has stamps this near on both sides"
-    )
-    rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
-
-    def judge(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> ClosureJudge:
-        """Tells which closures between these keyframes are true."""
-        return ClosureJudge(
-            keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +20,7 @@ class Findings:
 
     Args:
         filtered: what the candidate filter kept.
-        registered: every proposed closure as registration left it.
-        verified: the same closures as the filter's check of their poses left them.
-        consistent: the same closures as PCM left them.
-        closures: the same closures as the graph left them.
+        closures: every proposed closure with its final decision.
         components: robots that accepted closures connect.
         keyframes: keyframe odometry by robot; candidates and closures refer to its indices.
         odometry: odometry by robot, of keyframes or of all scans.
@@ -63,9 +28,6 @@ class Findings:
     """
 
     filtered: FilterResult
-    registered: Sequence[Closure]
-    verified: Sequence[Closure]
-    consistent: Sequence[Closure]
     closures: Sequence[Closure]
     components: Sequence[Sequence[str]]
     keyframes: Mapping[str, Trajectory]
@@ -111,17 +73,8 @@ def evaluate(
         "pairs_kept": found.filtered.pairs_kept,
         "candidates": candidates,
         "candidates_registrable": registrable,
-        "closures": closure_metrics(found.verified, found.closures, judge),
-        "funnel": funnel(
-            candidates,
-            found.filtered,
-            registered=found.registered,
-            verified=found.verified,
-            consistent=found.consistent,
-            final=found.closures,
-            truth=truth,
-            judge=judge,
-        ),
+        "closures": closure_metrics(found.closures, judge),
+        "funnel": funnel(candidates, found.filtered, found.closures, truth, judge),
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,

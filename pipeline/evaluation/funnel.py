@@ -8,21 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from wiclosure.pipeline.evaluation.closures import PASSED, ClosureJudge
+from wiclosure.pipeline.evaluation.closures import ClosureJudge
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, StageCount
-from wiclosure.types import Closure, Decision, FilterResult, Trajectory
+from wiclosure.types import Closure, FilterResult, Stage, Trajectory, survivors
 
-STAGES = ("pairs", "kept", "scan context", "registered", "radio", "PCM", "graph")
+MEASURED = {
+    "registered": Stage.REGISTRATION,
+    "radio check": Stage.RADIO_CHECK,
+    "PCM": Stage.CONSISTENCY,
+    "graph": Stage.ESTIMATE,
+}
+STAGES = ("pairs", "kept", "scan context", *MEASURED)
 
 
 def funnel(
     candidates: CandidateMetrics,
     filtered: FilterResult,
-    *,
-    registered: Sequence[Closure],
-    verified: Sequence[Closure],
-    consistent: Sequence[Closure],
-    final: Sequence[Closure],
+    closures: Sequence[Closure],
     truth: Mapping[str, Trajectory],
     judge: ClosureJudge,
 ) -> list[StageCount]:
@@ -31,25 +33,17 @@ def funnel(
     Args:
         candidates: kept pairs against those within the overlap radius.
         filtered: what the filter left.
-        registered: every proposed closure as registration left it.
-        verified: the same as the filter's check of their poses left them.
-        consistent: the same as PCM left them.
-        final: the same as the graph left them.
+        closures: every proposed closure with its final decision.
         truth: ground truth by robot; positions suffice.
         judge: tells which measured closures are true.
     """
-    near = judge.near(registered, truth, candidates["radius_m"])
-    measured = (
-        [c for c in registered if c.decision in PASSED],
-        [c for c in verified if c.decision in PASSED],
-        [c for c in consistent if c.decision in PASSED],
-        [c for c in final if c.decision is Decision.ACCEPTED],
-    )
+    near = judge.near(closures, truth, candidates["radius_m"])
+    left = [survivors(closures, stage) for stage in MEASURED.values()]
     rows = [
         (filtered.pairs_total, candidates["true"], candidates["false"]),
         (filtered.pairs_kept, candidates["kept_true"], candidates["kept_false"]),
-        (len(registered), *near),
-        *((len(closures), *judge.count(closures)) for closures in measured),
+        (len(closures), *near),
+        *((len(survived), *judge.count(survived)) for survived in left),
     ]
     return [
         {"stage": stage, "count": count, "true": true, "false": false}

@@ -27,7 +27,10 @@ class CandidateMetrics(TypedDict):
 
 
 class ClosureMetrics(TypedDict):
-    """How many closures came how far; true and false by ground truth, of those that have it."""
+    """How many closures came how far; true and false by ground truth, of those that have it.
+
+    `verified`: let through by registration and the radio check, which the funnel counts one by one.
+    """
 
     proposed: int
     verified: int
@@ -39,7 +42,7 @@ class ClosureMetrics(TypedDict):
 
 
 class StageCount(TypedDict):
-    """How many candidates are left after a stage, and how many of them are true and false; see `pipeline.funnel`."""
+    """How many candidates are left after a stage, and how many of them are true and false; see `funnel.py`."""
 
     stage: str
     count: int
@@ -76,7 +79,7 @@ class ComponentMetrics(TypedDict):
 class TrajectoryMetrics(TypedDict):
     """What can be said of merged trajectories alone.
 
-    `ate_m` holds `team`, which is None unless all robots with ground truth are connected, and one value a robot under
+    `ate_m` holds `team`, which is None unless all robots with ground truth are connected, and one value per robot under
     the alignment of its component; `ate_horizontal_m` the same without heights, which odometry without gravity holds
     worst; `ate_own_m` has each robot aligned on its own, which hides errors between robots.
     """
@@ -91,7 +94,7 @@ class TrajectoryMetrics(TypedDict):
 
 
 class CostMetrics(TypedDict):
-    """What a run took: wall time a stage, bytes between the robots, memory.
+    """What a run took: wall time per stage, bytes between the robots, memory.
 
     `seconds` is what the run costs from raw scans; `seconds_spent` what it really spent, with stages taken from a cache
     or another arm.

@@ -11,7 +11,7 @@ import numpy as np
 
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.report.pictures import draw_candidates
 from wiclosure.pipeline.report.trajectory_pictures import MergedView, draw_merged, draw_run
 from wiclosure.pipeline.stages.run import RunResult

@@ -15,7 +15,7 @@ import numpy as np
 from wiclosure.backends.merged_map import ROBOT_COLOURS
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.evaluation.errors import truth_at
-from wiclosure.types import CandidatePairs, Closure, Decision, FloatArray, Trajectory
+from wiclosure.types import CandidatePairs, Closure, FloatArray, Stage, Trajectory, survivors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -103,8 +103,8 @@ def _accepted_cells(closures: Sequence[Closure], robot_a: str, robot_b: str) -> 
     """Row and column `(K, 2)` of the accepted closures of two robots."""
     cells = [
         {c.query.robot: c.query.index, c.match.robot: c.match.index}
-        for c in closures
-        if c.decision is Decision.ACCEPTED and {c.query.robot, c.match.robot} == {robot_a, robot_b}
+        for c in survivors(closures, Stage.ESTIMATE)
+        if {c.query.robot, c.match.robot} == {robot_a, robot_b}
     ]
     return np.array([[cell[robot_a], cell[robot_b]] for cell in cells], float).reshape(-1, 2)
 

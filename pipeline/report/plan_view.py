@@ -46,7 +46,7 @@ def _limits(driven: FloatArray, outlines: FloatArray) -> tuple[FloatArray, Float
     """Lower and upper corner `(2,)` of all that stands near the paths `(N, 2)`."""
     low, high = driven.min(axis=0), driven.max(axis=0)
     near_m = _MARGIN * (high - low).max()
-    corners = outlines.reshape(-1, 2)
+    corners = np.concatenate([outlines.reshape(-1, 2), driven])  # on an empty plain there are only the paths
     return (
         np.clip(corners.min(axis=0) - 1.0, low - near_m, low),
         np.clip(corners.max(axis=0) + 1.0, high, high + near_m),

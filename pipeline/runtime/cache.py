@@ -12,12 +12,13 @@ import json
 import logging
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TypeVar
 
@@ -31,7 +32,7 @@ Value = TypeVar("Value")
 _ENTRY = re.compile(r"[a-z-]+-[0-9a-f]{24}")
 
 _FRONT_END_CODE = ("wiclosure", "wiclosure.formats", "wiclosure.frontends", "wiclosure.pipeline.sources")
-"""What turns recordings into front end results."""
+"""What turns recordings into front end results; of `wiclosure` only its own modules, for all else lies below it."""
 
 
 _LIBRARIES = ("kiss-icp", "kiss-matcher", "small-gicp", "numpy", "rosbags", "open3d")
@@ -188,10 +189,18 @@ def _version(library: str) -> str:
 
 @cache
 def code_digest(packages: tuple[str, ...]) -> str:
-    """Of these packages' code: a mended bug must not live on in the cache."""
+    """Of these packages' code, with what they hold inside: a mended bug must not live on in the cache."""
     digest = hashlib.sha256()
     for package in packages:
-        for file in sorted(files(package).iterdir(), key=lambda f: f.name):
-            if file.name.endswith(".py"):
-                digest.update(file.read_bytes())
+        for file in _modules(files(package), deep=package != "wiclosure"):
+            digest.update(file.read_bytes())
     return digest.hexdigest()
+
+
+def _modules(folder: Traversable, *, deep: bool) -> Iterator[Traversable]:
+    """The Python files of a package in order; of its sub-packages too, where deep."""
+    for inside in sorted(folder.iterdir(), key=lambda f: f.name):
+        if inside.name.endswith(".py"):
+            yield inside
+        elif deep and inside.is_dir():
+            yield from _modules(inside, deep=True)

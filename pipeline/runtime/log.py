@@ -1,4 +1,4 @@
-"""The log of a run, one JSON object a line, for people and programs that come later."""
+"""The log of a run, one JSON object per line."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -99,6 +100,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise OutputError(f"writing {path} failed ({_reason(error)}); nothing half-written is left") from error
     finally:
         scratch.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: object) -> None:
+    """Writes readable JSON."""
+    path.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def point_latest(out: Path) -> None:

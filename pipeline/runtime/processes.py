@@ -87,12 +87,12 @@ def interrupts_ignored() -> Iterator[None]:
     Ctrl-C, and the end of the terminal, reach them too, even while they import, and are none of their business: they
     inherit that they are to be ignored.
     """
-    handlers = {of: signal.signal(of, signal.SIG_IGN) for of in _FROM_TERMINAL}
+    handlers = {number: signal.signal(number, signal.SIG_IGN) for number in _FROM_TERMINAL}
     try:
         yield
     finally:
-        for of, handler in handlers.items():
-            signal.signal(of, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def require_wanted() -> None:

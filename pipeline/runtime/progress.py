@@ -1,14 +1,10 @@
-"""Progress for people: a bar on the terminal, or nothing."""
+"""How long work tells how far it is; the command line draws bars of it."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Protocol, TypeVar
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as RichProgress
+from contextlib import AbstractContextManager, nullcontext
+from typing import Protocol, TypeVar
 
 Item = TypeVar("Item")
 
@@ -35,56 +31,3 @@ class NoProgress:
     def together(self, totals: Mapping[str, int], label: str) -> AbstractContextManager[Callable[[str, int], None]]:
         """What shows nothing."""
         return nullcontext(lambda name, done: None)
-
-
-class BarProgress:
-    """One bar for each piece of work, on standard error; plain silence where that is not a terminal."""
-
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
-        """The same items, with a bar."""
-        with _bars() as bars:
-            yield from bars.track(items, total=total, description=label)
-
-    @contextmanager
-    def together(self, totals: Mapping[str, int], label: str) -> Iterator[Callable[[str, int], None]]:
-        """One bar a piece, with items a second."""
-        with _bars() as bars:
-            tasks = {name: bars.add_task(f"{label} {name}", total=total or None) for name, total in totals.items()}
-
-            def show(name: str, done: int) -> None:
-                bars.update(tasks[name], completed=done)
-
-            yield show
-
-
-def _bars() -> RichProgress:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.progress import Progress as Bars
-    from rich.text import Text
-
-    class Speed(ProgressColumn):
-        """Items a second, over the whole time."""
-
-        def render(self, task: Task) -> Text:
-            speed = task.completed / task.elapsed if task.elapsed else 0.0
-            return Text(f"{speed:.1f}/s" if speed else "")
-
-    return Bars(
-        TextColumn("{task.description:<28}"),
-        BarColumn(bar_width=32),
-        MofNCompleteColumn(),
-        Speed(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(file=sys.stderr),
-        disable=not sys.stderr.isatty(),
-    )

@@ -22,9 +22,11 @@ from wiclosure.pipeline.sources.bag_files import (
     plain_files,
     several_recordings,
 )
-from wiclosure.pipeline.sources.messages.ros_types import Encoding, deserialize, recorded_typestore
+from wiclosure.pipeline.sources.messages.headers import Encoding
+from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore
 from wiclosure.pipeline.sources.salvage import zstd
-from wiclosure.pipeline.sources.salvage.recover import FoundTopic, scan_file
+from wiclosure.pipeline.sources.salvage.found import FoundTopic
+from wiclosure.pipeline.sources.salvage.recover import scan_file
 
 if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Reader1

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.messages.pointcloud2 import HeaderMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage
 from wiclosure.pipeline.sources.messages.wireless_messages import nanoseconds_of
 from wiclosure.types import Trajectory
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.bags import BagTopic, open_bag
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
 from wiclosure.pipeline.sources.messages.ros_types import deserialize, typestore
+from wiclosure.suggestions import did_you_mean
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
@@ -106,9 +106,7 @@ def choose_topic(path: Path, topics: Mapping[str, BagTopic], requested: str | No
 def _requested(path: Path, topics: Mapping[str, BagTopic], clouds: Mapping[str, BagTopic], requested: str) -> str:
     name = requested if requested in topics else f"/{requested.strip('/')}"
     if name not in topics:
-        near = difflib.get_close_matches(name, topics, n=1)
-        suggestion = f"did you mean {near[0]}? " if near else ""
-        raise InputError(f"{path} has no topic {requested}; {suggestion}{_choices(clouds)}")
+        raise InputError(f"{path} has no topic {requested}; {did_you_mean(name, topics)}{_choices(clouds)}")
     if name not in clouds:
         raise InputError(
             f"topic {name} of {path} is of type {topics[name].msgtype}, not {POINT_CLOUD_TYPE}; {_choices(clouds)}"

@@ -17,7 +17,7 @@ from typing import Protocol, TypeAlias, TypeVar, cast
 from wiclosure.errors import InputError
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
-from wiclosure.pipeline.sources.messages.pointcloud2 import HeaderMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage
 from wiclosure.pipeline.sources.messages.wireless_messages import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,

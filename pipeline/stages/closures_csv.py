@@ -4,37 +4,68 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure.formats.stamps import seconds_text
-from wiclosure.types import Closure, Evidence, Trajectory
+from wiclosure.types import Closure, FloatArray, Stage, Trajectory
 
-_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _KEYS = ("query_robot", "query_index", "query_stamp", "match_robot", "match_index", "match_stamp")
-COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *(f.name for f in fields(Evidence)))
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_MATCHING = ("scan_context_distance", "scan_context_yaw", "overlap_probability")
+_REGISTRATION = ("prior_chi2", "inliers", "inlier_ratio", "agreement", "rms_m")
+_BACK_END = ("consistent_with", "residual_m", "residual_rad")
+COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *_MATCHING, *_REGISTRATION, *_BACK_END)
 
 
 def write_closures(path: Path, closures: Sequence[Closure], keyframes: Mapping[str, Trajectory]) -> None:
-    """Writes one row a closure; the pose is `T_query_match`, empty fields are unknown.
+    """Writes one row per closure; empty fields are unknown.
 
     Args:
         path: the file.
-        closures: in the order of the rows.
+        closures: in the order of the rows; the pose is measured, or of those that were not, what it was guessed from.
         keyframes: keyframe trajectories by robot, for the stamps.
     """
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for closure in closures:
-            pose = [*closure.T_query_match[:3, 3], *Rotation.from_matrix(closure.T_query_match[:3, :3]).as_quat()]
             keys = [
                 value
                 for key in (closure.query, closure.match)
                 for value in (key.robot, key.index, *seconds_text([int(keyframes[key.robot].stamps_ns[key.index])]))
             ]
-            evidence = ["" if np.isnan(value) else f"{value:.6g}" for value in asdict(closure.evidence).values()]
-            writer.writerow([*keys, closure.decision, closure.reason, *(f"{value:.6f}" for value in pose), *evidence])
+            pose = [f"{value:.6f}" for value in _pose(closure.best_T_query_match)]
+            found = ["" if value is None or np.isnan(value) else f"{value:.6g}" for value in _found(closure)]
+            writer.writerow([*keys, decision(closure), closure.reason, *pose, *found])
+
+
+def decision(closure: Closure) -> str:
+    """How far a closure came, in the one word that files have for it."""
+    if closure.rejected_at is not None:
+        return "rejected"
+    if closure.survived(Stage.CONSISTENCY):
+        return "accepted"
+    return "verified" if closure.survived(Stage.REGISTRATION) else "proposed"
+
+
+def _pose(T: FloatArray) -> list[float]:
+    return [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
+
+
+def _found(closure: Closure) -> list[float | None]:
+    """What matching, registration and back end found, in the order of the columns."""
+    looks, evidence, residual = closure.scan_context, closure.evidence, closure.residual
+    return [
+        *((looks.distance, looks.yaw_rad) if looks else (None, None)),
+        closure.overlap_probability,
+        *(
+            (evidence.prediction_chi2, evidence.inliers, evidence.inlier_ratio, evidence.agreement, evidence.rms_m)
+            if evidence
+            else (None, 0, None, None, None)
+        ),
+        closure.consistent_with,
+        *((residual.translation_m, residual.rotation_rad) if residual else (None, None)),
+    ]

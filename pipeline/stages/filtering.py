@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import typer
 
 from wiclosure.errors import ConfigError, InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
@@ -16,11 +13,10 @@ from wiclosure.formats.filter_summary import filter_summary
 from wiclosure.formats.tum import read_tum
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.runtime.log import warnings_on_terminal
-from wiclosure.pipeline.runtime.output import whole_file, whole_folder
+from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
-from wiclosure.types import Trajectory, WirelessLog
+from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
 
 logger = logging.getLogger(__name__)
@@ -57,9 +53,7 @@ def filter_candidates(
     *,
     config: Config,
     outputs: Outputs,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+) -> FilterResult:
     """Reads, filters, writes.
 
     Args:
@@ -67,8 +61,6 @@ def filter_candidates(
         logs: wireless logs.
         config: settings; `use_filter` names the filter.
         outputs: files to write.
-        quiet: print nothing.
-        as_json: print the summary as JSON instead of a table.
 
     Raises:
         InputError: a file is missing or malformed, or the log mentions a robot without a trajectory.
@@ -76,36 +68,27 @@ def filter_candidates(
         OutputError: a file exists or cannot be written.
     """
     outputs.require_free()
-    with warnings_on_terminal():
-        robots = _read_trajectories(trajectories, config)
-        wireless = _read_logs(logs, robots)
-        result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
-        summary = filter_summary(result)
-        if outputs.candidates is not None:
-            if result.pairs_kept > MANY_PAIRS:
-                logger.warning(
-                    "%s pairs are written to %s; thin the trajectories to keyframes, a metre or two apart, for fewer",
-                    f"{result.pairs_kept:,}",
-                    outputs.candidates,
-                )
-            with whole_file(outputs.candidates) as scratch:
-                write_candidates(scratch, result.pairs, robots)
+    robots = _read_trajectories(trajectories, config)
+    wireless = _read_logs(logs, robots)
+    result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
+    if outputs.candidates is not None:
+        if result.pairs_kept > MANY_PAIRS:
+            logger.warning(
+                "%s pairs are written to %s; thin the trajectories to keyframes, a metre or two apart, for fewer",
+                f"{result.pairs_kept:,}",
+                outputs.candidates,
+            )
+        with whole_file(outputs.candidates) as scratch:
+            write_candidates(scratch, result.pairs, robots)
     if outputs.summary is not None:
         with whole_file(outputs.summary) as scratch:
-            scratch.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            write_json(scratch, filter_summary(result))
     if outputs.pictures is not None:
         from wiclosure.wiclosure_filter.plot import save_pictures
 
         with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
             save_pictures(result, robots, wireless, config.filter, scratch)
-    if as_json:
-        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-    elif not quiet:
-        from rich.console import Console
-
-        from wiclosure.pipeline.report.tables import filter_table
-
-        Console().print(filter_table(result))
+    return result
 
 
 def _read_trajectories(words: Sequence[str], config: Config) -> dict[str, Trajectory]:

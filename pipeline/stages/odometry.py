@@ -11,8 +11,8 @@ from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from typing import TypeAlias
 
-from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
-from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
+from wiclosure.frontends.front_end import OdometryRun, describe_all
+from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, OdometryResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
@@ -102,7 +102,7 @@ class _Work:
         """
         config = self.configs[0]
         odometry = _of_odometry(self.robot, config)
-        went, from_cache = self.cache.reuse(
+        followed, from_cache = self.cache.reuse(
             "odometry",
             odometry,
             load=OdometryResult.load,
@@ -114,20 +114,19 @@ class _Work:
             [odometry, config.scan_context.model_dump()],
             load=Descriptors.load,
             save=Descriptors.save,
-            compute=lambda: describe_all(went.clouds, config.scan_context),
+            compute=lambda: describe_all(followed.clouds, config.scan_context),
         )
-        return FrontEndResult.of(self.robot.robot, config.drift, went, described), from_cache
+        return FrontEndResult.of(self.robot.robot, config.drift, followed, described), from_cache
 
     def _odometry(self, shown: Shown) -> OdometryResult:
         """By the first configuration; the cache takes what the others with the same odometry will need."""
         config, robot = self.configs[0], self.robot
-        recorded = robot.odometry if config.odometry.source == "recorded" else None
         others = [
             c
             for c in self.configs[1:]
             if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
         ]
-        run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, recorded)
+        run = OdometryRun(config.odometry, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
             run.process_all(_reported(scans, robot.robot, shown))
         result, *further = run.results()

@@ -24,8 +24,9 @@ from wiclosure.backends.pose_graph import optimise
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import write_tum
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.stages.run_folder import write_json
-from wiclosure.types import Closure, Decision, KeyframeId
+from wiclosure.pipeline.runtime.output import write_json
+from wiclosure.pipeline.stages.closures_csv import decision
+from wiclosure.types import Closure, KeyframeId
 
 logger = logging.getLogger(__name__)
 
@@ -93,7 +94,7 @@ def write(folder: Path, merged: Merged) -> None:
     for robot, trajectory in merged.graph.trajectories.items():
         stem = robot if robot.translate(str.maketrans("", "", "_-.")).isalnum() else f"robot_{ord(robot[0])}"
         write_tum(folder / f"{stem}.tum", trajectory)
-        write_kitti_poses(folder / f"{stem}_kitti.txt", trajectory)
+        write_kitti_poses(folder / f"{stem}_kitti.txt", trajectory.poses)
     with (folder / "closures.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.DictWriter(file, COLUMNS)
         rows.writeheader()
@@ -146,24 +147,22 @@ def _rows(merged: Merged) -> list[dict[str, Any]]:
     """One row a closure, those that could not be used last."""
     rows = [_row(merged, c, place) for c, place in zip(merged.graph.closures, merged.team.places, strict=True)]
     unknown = dict.fromkeys(("residual_m", "residual_rad"))
-    rejected = str(Decision.REJECTED)
     return rows + [
-        {"first": u.first, "second": u.second, "decision": rejected, "reason": u.reason, **unknown, "agrees_with": 0}
+        {"first": u.first, "second": u.second, "decision": "rejected", "reason": u.reason, **unknown, "agrees_with": 0}
         | {"place": u.place}
         for u in merged.team.unusable
     ]
 
 
 def _row(merged: Merged, closure: Closure, place: str) -> dict[str, Any]:
-    evidence = closure.evidence
-    connected = np.isfinite(evidence.residual_m)
+    residual = closure.residual
     return {
         "first": merged.name(closure.query),
         "second": merged.name(closure.match),
-        "decision": str(closure.decision),
+        "decision": decision(closure),
         "reason": closure.reason,
-        "residual_m": round(evidence.residual_m, 6) if connected else None,
-        "residual_rad": round(evidence.residual_rad, 6) if connected else None,
-        "agrees_with": evidence.consistent_with,
+        "residual_m": None if residual is None else round(residual.translation_m, 6),
+        "residual_rad": None if residual is None else round(residual.rotation_rad, 6),
+        "agrees_with": closure.consistent_with,
         "place": place,
     }

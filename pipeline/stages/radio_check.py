@@ -1,34 +1,36 @@
-"""What the filter says of closures once their poses are measured."""
+"""The radio consistency check: measured poses held against what the filter knows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wiclosure.types import Closure, Decision, FilterResult
+from wiclosure.types import Closure, ClosureCheck, Stage, measured_poses
 
 
-def unless_filter_objects(closures: Sequence[Closure], filtered: FilterResult) -> list[Closure]:
-    """The same closures; verified ones whose measured pose contradicts what the filter knows are rejected."""
-    checked = list(closures)
-    for pair, check in filtered.checks.items():
+def radio_checked(closures: Sequence[Closure], checks: Mapping[tuple[str, str], ClosureCheck]) -> list[Closure]:
+    """The closures as the radio check leaves them.
+
+    Args:
+        closures: in any order; those that are not live stay as they are.
+        checks: by robots of query and match; what no check covers passes.
+    """
+    objections: dict[int, str] = {}
+    for pair, check in checks.items():
         rows = [
             row
             for row, closure in enumerate(closures)
-            if closure.decision is Decision.VERIFIED and (closure.query.robot, closure.match.robot) == pair
+            if closure.live and (closure.query.robot, closure.match.robot) == pair
         ]
-        if not rows:
-            continue
-        own = [closures[row] for row in rows]
-        objections = check.objections(
-            np.stack([closure.T_query_match for closure in own]),
-            np.stack([closure.covariance for closure in own]),
-            np.array([closure.query.index for closure in own]),
-            np.array([closure.match.index for closure in own]),
-        )
-        for row, objection in zip(rows, objections, strict=True):
-            if objection:
-                checked[row] = replace(closures[row], decision=Decision.REJECTED, reason=objection)
-    return checked
+        if rows:
+            own = [closures[row] for row in rows]
+            index_a, index_b = np.array([(closure.query.index, closure.match.index) for closure in own]).T
+            objections |= zip(rows, check.objections(*measured_poses(own), index_a, index_b), strict=True)
+    return [
+        _checked(closure, objections.get(row, "")) if closure.live else closure for row, closure in enumerate(closures)
+    ]
+
+
+def _checked(closure: Closure, objection: str) -> Closure:
+    return closure.rejected(Stage.RADIO_CHECK, objection) if objection else closure.accepted(Stage.RADIO_CHECK)

@@ -1,10 +1,10 @@
-"""Registrations of earlier runs, kept by pair: other filters, seeds and thresholds of the back end need them again."""
+"""Registrations of earlier runs, kept on disk: other filters, seeds and back ends need the same ones again."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.stages.registrations import Known, Registered, Start
-from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId
+from wiclosure.types import Float32Array, FloatArray, KeyframeId, Measured, RegistrationEvidence
 
 _STAGE = "registrations"
 
@@ -33,7 +33,7 @@ class RegistrationStore:
     settings: RegistrationSettings
 
     def recall(self, known: Known) -> int:
-        """Adds those of earlier runs to `known`, which has how many then."""
+        """Adds the registrations of earlier runs to `known`; returns how many it holds then."""
         if self.cache.folder is not None:
             for key, registered in (self.cache.find(_STAGE, self._depends_on(), load=_load) or {}).items():
                 known.setdefault(key, registered)
@@ -58,19 +58,17 @@ def _digest(clouds: tuple[Float32Array, ...]) -> str:
 
 
 def _save(known: Known, path: Path) -> None:
-    closures = [registered.closure for registered in known.values()]
+    found = list(known.values())
     with path.open("wb") as file:
         np.savez(
             file,
-            robots=np.array([[c.query.robot, c.match.robot] for c in closures]),
-            indices=np.array([[c.query.index, c.match.index] for c in closures]),
+            robots=np.array([[start.query.robot, start.match.robot] for start in known]),
+            indices=np.array([[start.query.index, start.match.index] for start in known]),
             starts=np.array([start.row for start in known]),
-            poses=np.array([c.T_query_match for c in closures]),
-            covariances=np.array([c.covariance for c in closures]),
-            evidence=np.array([astuple(c.evidence) for c in closures], np.float64),
-            decisions=np.array([c.decision.value for c in closures]),
-            reasons=np.array([c.reason for c in closures]),
-            seconds=np.array([registered.seconds for registered in known.values()]),
+            measured=np.array([_row(registered.measured) for registered in found]),
+            accepted=np.array([registered.accepted for registered in found]),
+            reasons=np.array([registered.reason for registered in found]),
+            seconds=np.array([registered.seconds for registered in found]),
         )
 
 
@@ -80,21 +78,30 @@ def _load(path: Path) -> Known:
     known: Known = {}
     for row, (robots, indices) in enumerate(zip(content["robots"], content["indices"], strict=True)):
         query, match = (KeyframeId(str(r), int(i)) for r, i in zip(robots, indices, strict=True))
-        closure = Closure(
-            query=query,
-            match=match,
-            T_query_match=content["poses"][row],
-            covariance=content["covariances"][row],
-            evidence=_evidence(content["evidence"][row]),
-            decision=Decision(str(content["decisions"][row])),
+        known[Start(query, match, content["starts"][row].tobytes())] = Registered(
+            measured=_measured(content["measured"][row]),
+            accepted=bool(content["accepted"][row]),
             reason=str(content["reasons"][row]),
+            seconds=float(content["seconds"][row]),
         )
-        start = Start(query, match, content["starts"][row].tobytes())
-        known[start] = Registered(closure, float(content["seconds"][row]))
     return known
 
 
-def _evidence(row: FloatArray) -> Evidence:
-    values = {field.name: float(value) for field, value in zip(fields(Evidence), row, strict=True)}
-    inliers, consistent_with = (int(values.pop(name)) for name in ("inliers", "consistent_with"))
-    return Evidence(**values, inliers=inliers, consistent_with=consistent_with)
+def _row(measured: Measured | None) -> FloatArray:
+    """Pose, covariance and evidence as 57 numbers; all NaN where nothing was measured."""
+    row = np.full(57, np.nan)
+    if measured is not None:
+        evidence = measured.evidence
+        assert evidence is not None  # registration always has some
+        row[:16], row[16:52] = np.ravel(measured.T_query_match), np.ravel(measured.covariance)
+        row[52:56] = evidence.inliers, evidence.inlier_ratio, evidence.agreement, evidence.rms_m
+        row[56] = np.nan if evidence.prediction_chi2 is None else evidence.prediction_chi2
+    return row
+
+
+def _measured(row: FloatArray) -> Measured | None:
+    if np.isnan(row).all():
+        return None
+    inliers, ratio, agreement, rms_m, chi2 = row[52:].tolist()
+    evidence = RegistrationEvidence(int(inliers), ratio, agreement, rms_m, None if np.isnan(chi2) else chi2)
+    return Measured(row[:16].reshape(4, 4), row[16:52].reshape(6, 6), evidence)

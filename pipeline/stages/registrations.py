@@ -1,4 +1,4 @@
-"""Registers proposed closures, each once, in one process or in several side by side."""
+"""The registrations of a run: each start once, in one process or in several side by side."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.registration import Registration
 from wiclosure.pipeline.runtime.processes import require_wanted, side_by_side
 from wiclosure.pipeline.runtime.progress import Progress
-from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Prior
+from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Measured, PredictionKind, Stage
 
 Clouds: TypeAlias = Mapping[KeyframeId, Float32Array]
 """Clouds `(N, 3)` of keyframes in the body's axes."""
@@ -31,8 +31,8 @@ class Start:
     Args:
         query: keyframe.
         match: keyframe.
-        numbers: scan context's yaw, predicted `T_query_match` and its covariance; 53 numbers as bytes, NaN where there
-            is none: compared bit by bit.
+        numbers: scan context's yaw, predicted `T_query_match`, its covariance, and 1 where only the heading of these is
+            meant; 54 numbers as bytes, NaN where there is none: compared bit by bit.
     """
 
     query: KeyframeId
@@ -40,26 +40,48 @@ class Start:
     numbers: bytes
 
     @classmethod
-    def of(cls, proposed: Closure, prior: Prior | None) -> Start:
+    def of(cls, proposed: Closure) -> Start:
         """Where the registration of a proposed closure starts."""
-        numbers = np.full(53, np.nan)
-        numbers[0] = proposed.evidence.scan_context_yaw
-        if prior is not None:
-            numbers[1:17], numbers[17:] = (np.ravel(part) for part in prior)
+        numbers = np.full(54, np.nan)
+        if proposed.scan_context is not None:
+            numbers[0] = proposed.scan_context.yaw_rad
+        if (prediction := proposed.prediction) is not None:
+            numbers[1:17], numbers[17:53] = np.ravel(prediction.T_query_match), np.ravel(prediction.covariance)
+            numbers[53] = prediction.kind is PredictionKind.HEADING
         return cls(proposed.query, proposed.match, numbers.tobytes())
 
     @property
     def row(self) -> FloatArray:
-        """The numbers `(53,)`."""
+        """The numbers `(54,)`."""
         return np.frombuffer(self.numbers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registered:
-    """A verified or rejected closure, and the seconds that its registration took."""
+    """What a registration found from one start.
 
-    closure: Closure
+    Args:
+        measured: relative pose; None where there was too little to register.
+        accepted: whether registration let the closure through.
+        reason: why, or why not.
+        seconds: that it took.
+    """
+
+    measured: Measured | None
+    accepted: bool
+    reason: str
     seconds: float
+
+    @classmethod
+    def of(cls, closure: Closure, seconds: float) -> Registered:
+        """From a closure as registration left it."""
+        return cls(closure.measured, closure.survived(Stage.REGISTRATION), closure.reason, seconds)
+
+    def applied_to(self, proposed: Closure) -> Closure:
+        """A closure that was proposed with this start, as registration leaves it."""
+        closure = proposed if self.measured is None else proposed.measured_as(self.measured)
+        decide = closure.accepted if self.accepted else closure.rejected
+        return decide(Stage.REGISTRATION, self.reason)
 
 
 Known: TypeAlias = dict[Start, Registered]
@@ -67,7 +89,7 @@ Known: TypeAlias = dict[Start, Registered]
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class RegistrationPool:
     """Registers closures of some robots.
 
     Args:
@@ -83,14 +105,17 @@ class Verification:
     known: Known = field(default_factory=dict)
     jobs: int = 1
 
-    def verify(self, proposed: Sequence[tuple[Closure, Prior | None]], progress: Progress) -> list[Registered]:
-        """Every proposed closure measured, now or before; with predicted pose and covariance where there are any."""
-        work = [_Work(Start.of(closure, prior), closure, prior) for closure, prior in proposed]
-        new = list({w.start: w for w in work if w.start not in self.known}.values())
-        done = self._here(new) if self.jobs == 1 or len(new) < _WORTH_PROCESSES else self._side_by_side(new)
+    def register(self, proposed: Sequence[Closure], progress: Progress) -> tuple[list[Closure], float]:
+        """Every proposed closure as registration leaves it, and the seconds that takes if none was known before."""
+        starts = [Start.of(closure) for closure in proposed]
+        new = {start: closure for start, closure in zip(starts, proposed, strict=True) if start not in self.known}
+        work = [_Work(start, closure) for start, closure in new.items()]
+        done = self._here(work) if self.jobs == 1 or len(work) < _WORTH_PROCESSES else self._side_by_side(work)
         with closing(done):  # an interruption here ends the processes at once
-            self.known.update(progress.track(done, "registration", len(new)))
-        return [self.known[w.start] for w in work]
+            self.known.update(progress.track(done, "registration", len(work)))
+        found = [self.known[start] for start in starts]
+        closures = [registered.applied_to(closure) for registered, closure in zip(found, proposed, strict=True)]
+        return closures, sum(registered.seconds for registered in found)
 
     def _here(self, work: Sequence[_Work]) -> Generator[tuple[Start, Registered], None, None]:
         # A registration of its own for every run: preparing a cloud is part of what each run costs.
@@ -110,7 +135,6 @@ class Verification:
 class _Work:
     start: Start
     proposed: Closure
-    prior: Prior | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,5 +169,5 @@ class _Worker:
 def _registered(registration: Registration, work: _Work, clouds: Clouds) -> tuple[Start, Registered]:
     require_wanted()
     began = time.perf_counter()
-    closure = registration.verify(work.proposed, clouds[work.start.query], clouds[work.start.match], work.prior)
-    return work.start, Registered(closure, time.perf_counter() - began)
+    closure = registration.verify(work.proposed, clouds[work.start.query], clouds[work.start.match])
+    return work.start, Registered.of(closure, time.perf_counter() - began)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from wiclosure.backends.graph_result import carried
+from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.registration import Registration
@@ -21,7 +21,7 @@ from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, left_out
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
-from wiclosure.pipeline.stages.registrations import Known, Verification
+from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
 from wiclosure.pipeline.stages.solve import Solution, solve
 from wiclosure.types import KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
@@ -50,6 +50,10 @@ class RunResult:
     merged: dict[str, Trajectory]
     merged_map: MergedMap
     metrics: Metrics
+
+    def __repr__(self) -> str:
+        name = self.solution.filtered.filter_name
+        return f"RunResult({name!r}, {', '.join(self.merged)}, {self.solution.graph!r}, {self.merged_map!r})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +112,17 @@ def prepare(
 
 
 def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
-    """Filters, matches, verifies, optimises, maps and evaluates."""
+    """Filters, matches, registers, optimises, maps and evaluates."""
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
-    verification = Verification(config.registration, clouds, prepared.known, prepared.jobs)
+    registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
-    solution = solve(fronts, inputs.wireless, chosen, config, verification=verification, progress=progress)
+    solution = solve(fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress)
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
-        robot: carried(front.odometry, front.keyframes, solution.graph.trajectories[robot])
+        robot: propagate_to_scans(front.odometry, front.keyframes, solution.graph.trajectories[robot])
         for robot, front in fronts.items()
     }
     took = Stopwatch()
@@ -126,9 +130,6 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
         merged_map = _map(fronts, solution, config)
     found = Findings(
         filtered=solution.filtered,
-        registered=solution.registered,
-        verified=solution.verified,
-        consistent=solution.consistent,
         closures=solution.closures,
         components=solution.graph.components,
         keyframes={robot: front.keyframes for robot, front in fronts.items()},

@@ -15,8 +15,9 @@ from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.config import dump_config
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings
 from wiclosure.pipeline.evaluation.metrics import Metrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
+from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.pipeline.stages.closures_csv import write_closures
 from wiclosure.pipeline.stages.run import RunResult
 from wiclosure.types import Trajectory
@@ -28,7 +29,7 @@ def write_run(folder: Path, result: RunResult) -> None:
     write_json(folder / "metrics.json", result.metrics)
     for robot, front in result.fronts.items():
         write_tum(folder / f"{robot}.tum", result.merged[robot])
-        write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot])
+        write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot].poses)
         write_tum(folder / f"{robot}_odometry.tum", front.odometry)
     for robot, truth in result.inputs.ground_truth.items():
         write_tum(folder / f"{robot}_ground_truth.tum", truth)
@@ -39,11 +40,6 @@ def write_run(folder: Path, result: RunResult) -> None:
     write_ply(result.merged_map, folder / "map.ply")
     write_pcd(result.merged_map, folder / "map.pcd")
     write_occupancy(occupancy(result.merged_map, result.config.map), folder)
-
-
-def write_json(path: Path, content: object) -> None:
-    """Writes readable JSON."""
-    path.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def read_metrics(folder: Path) -> Metrics:

@@ -13,15 +13,15 @@ import numpy as np
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import GraphResult, optimise
 from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import MatchResult, match
-from wiclosure.frontends.revisits import revisits
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.radio_check import unless_filter_objects
-from wiclosure.pipeline.stages.registrations import Verification
-from wiclosure.types import CandidatePairs, Closure, Decision, FilterResult, KeyframeId, WirelessLog
+from wiclosure.pipeline.stages.radio_check import radio_checked
+from wiclosure.pipeline.stages.registrations import RegistrationPool
+from wiclosure.types import CandidatePairs, Closure, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)
 
@@ -35,13 +35,10 @@ class Solution:
 
     Args:
         filtered: pairs kept by the filter, alignments, its diagnosis.
-        matched: what scan context proposed of them, one entry a robot pair.
-        closures: every proposed closure with its final decision and reason.
-        registered: the same closures as the registration left them.
-        verified: the same as what the filter says of their measured poses left them.
-        consistent: the same closures as PCM left them.
+        matched: what scan context proposed of them, one entry per robot pair.
+        closures: every proposed closure with its final decision and reason; how many survived a stage is a count.
         graph: trajectories in one world frame.
-        seconds: time a stage, as if nothing had been computed before; of registrations side by side, their sum.
+        seconds: time per stage, as if nothing had been computed before; of registrations side by side, their sum.
         seconds_spent: wall time really spent, registrations that other arms had done left out.
         bytes_exchanged: what the robots would have sent each other.
         diagnosis: sentences for the user: why there are few or no closures.
@@ -50,9 +47,6 @@ class Solution:
     filtered: FilterResult
     matched: tuple[MatchResult, ...]
     closures: tuple[Closure, ...]
-    registered: tuple[Closure, ...]
-    verified: tuple[Closure, ...]
-    consistent: tuple[Closure, ...]
     graph: GraphResult
     seconds: dict[str, float]
     seconds_spent: dict[str, float]
@@ -66,47 +60,44 @@ def solve(
     candidate_filter: CandidateFilter,
     config: Config,
     *,
-    verification: Verification,
+    registrations: RegistrationPool,
     progress: Progress,
 ) -> Solution:
-    """Filter, match, verify, check consistency, optimise."""
+    """Filter, match, register, check by radio, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
 
     filtered = candidate_filter.candidates(keyframes, wireless)
-    own = [revisits(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
+    own = [intra_robot_loops(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
     candidates = (*filtered.pairs, *own)
     took = Stopwatch()
     with took.time("matching"):
         matched = _match(candidates, fronts, config)
+    proposed = [closure for result in matched for closure in result.closures]
     with took.time("verification"):
-        registered, uncached_verification_s = _verify(candidates, matched, verification, progress)
+        registered, uncached_registration_s = registrations.register(proposed, progress)
     with took.time("check"):
-        verified = unless_filter_objects(registered, filtered)
+        checked = radio_checked(registered, filtered.checks)
     with took.time("optimisation"):
-        consistent = pairwise_consistent(verified, keyframes, config.pcm)
+        consistent = pairwise_consistent(checked, keyframes, config.pcm)
         graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
 
-    closures = graph.closures
     seconds = {
         "filter": filtered.seconds + took["check"],
         "matching": took["matching"],
-        "verification": uncached_verification_s,
+        "verification": uncached_registration_s,
         "optimisation": took["optimisation"],
     }
     return Solution(
         filtered=filtered,
         matched=matched,
-        closures=closures,
+        closures=graph.closures,
         graph=graph,
         seconds=seconds,
         seconds_spent=seconds | {"verification": took["verification"]},
-        bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
-        registered=tuple(registered),
-        verified=tuple(verified),
-        consistent=tuple(consistent.closures),
+        bytes_exchanged=_bytes_exchanged(filtered, graph.closures, fronts),
         diagnosis=(
             *filtered.diagnosis,
-            *_nothing_left(filtered, matched, registered, verified, closures),
+            *_nothing_left(filtered, matched, graph.closures),
             *consistent.diagnosis,
             *graph.diagnosis,
         ),
@@ -133,29 +124,13 @@ def _match(
     )
 
 
-def _verify(
-    pairs: Sequence[CandidatePairs],
-    matched: Sequence[MatchResult],
-    verification: Verification,
-    progress: Progress,
-) -> tuple[list[Closure], float]:
-    """Registers every proposed closure; the seconds count shared registrations in full."""
-    proposed = [
-        (closure, (closure.T_query_match, closure.covariance) if of.predictor is not None else None)
-        for of, result in zip(pairs, matched, strict=True)
-        for closure in result.closures
-    ]
-    done = verification.verify(proposed, progress)
-    return [registered.closure for registered in done], sum(registered.seconds for registered in done)
-
-
 def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts: Mapping[str, FrontEndResult]) -> int:
     """What crosses the radio link: robot_b of each pair sends, robot_a compares.
 
     A filter that predicts needs the keyframe trajectory first; then go descriptors of the keyframes that occur in kept
     pairs, then clouds of those in proposed closures, each once.
     """
-    predicted = {pairs.robot_b for pairs in filtered.pairs if pairs.predictor is not None}
+    predicted = {pairs.robot_b for pairs in filtered.pairs if pairs.predicts is not None}
     trajectories = sum(len(fronts[b].keyframes) * BYTES_PER_POSE for b in predicted)
     described = {(p.robot_a, p.robot_b): np.unique(p.index_b) for p in filtered.pairs}
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
@@ -164,25 +139,20 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
 
 
 def _nothing_left(
-    filtered: FilterResult,
-    matched: Sequence[MatchResult],
-    registered: Sequence[Closure],
-    verified: Sequence[Closure],
-    closures: Sequence[Closure],
+    filtered: FilterResult, matched: Sequence[MatchResult], closures: Sequence[Closure]
 ) -> tuple[str, ...]:
     """Where the candidates were lost, said when nothing reached the graph."""
-    if any(c.decision is Decision.ACCEPTED for c in closures) or not filtered.pairs:
+    registered, checked, estimated = (
+        len(survivors(closures, stage)) for stage in (Stage.REGISTRATION, Stage.RADIO_CHECK, Stage.ESTIMATE)
+    )
+    if estimated or not filtered.pairs:
         return ()
-    reasons = [c.reason for c in closures if c.decision is Decision.REJECTED]
+    reasons = [closure.reason for closure in closures if closure.rejected_at is not None]
     kinds = Counter(_FIGURES.sub("", reason) for reason in reasons)
     usual = next((r for r in reasons if _FIGURES.sub("", r) == kinds.most_common(1)[0][0]), "")
     often = f"; for example: {usual}" if usual else ""
     return (
         f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
-        f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration verified"
-        f" {_live(registered)}, of which the filter's check left {_live(verified)}{often}",
+        f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration accepted"
+        f" {registered}, of which the radio check left {checked}{often}",
     )
-
-
-def _live(closures: Sequence[Closure]) -> int:
-    return sum(closure.decision is Decision.VERIFIED for closure in closures)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 
 from wiclosure.arrays import FloatArray, IntArray
-
-Prior: TypeAlias = tuple[FloatArray, FloatArray]
-"""A predicted relative pose: `T_a_b (4, 4)` and its covariance `(6, 6)`."""
+from wiclosure.evidence import PredictionKind
 
 
 class RelativePosePredictor(Protocol):
     """Says where keyframes of two robots are, relative to each other."""
+
+    @property
+    def kind(self) -> PredictionKind:
+        """Whether it tells the poses, or the headings only."""
+        ...
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
@@ -51,13 +54,17 @@ class CandidatePairs:
                     f"candidate {name} has shape {getattr(self, name).shape}, index_a {self.index_a.shape}"
                 )
 
+    def __repr__(self) -> str:
+        predicted = "nothing" if self.predicts is None else self.predicts
+        return f"CandidatePairs({self.robot_a!r} and {self.robot_b!r}, {len(self)} pairs, {predicted} predicted)"
+
     def __len__(self) -> int:
         return len(self.index_a)
 
     @property
-    def located(self) -> bool:
-        """Whether it is predicted where all pairs lie, by the filter or by a robot's own odometry."""
-        return self.robot_a == self.robot_b or bool(np.isfinite(self.overlap_probability).all())
+    def predicts(self) -> PredictionKind | None:
+        """What is predicted of the pairs' relative poses, by the filter or by a robot's own odometry; None: nothing."""
+        return None if self.predictor is None else self.predictor.kind
 
     @classmethod
     def without_prediction(cls, robot_a: str, robot_b: str, index_a: IntArray, index_b: IntArray) -> CandidatePairs:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from wiclosure import se3
 from wiclosure.arrays import BoolArray, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs
 
@@ -25,10 +26,15 @@ class AlignmentHypothesis:
     log_likelihood: float
     paths_kept: tuple[tuple[int, int], ...]
 
+    def __repr__(self) -> str:
+        x, y, z = self.T_a_b[:3, 3]
+        where = f"x {x:.2f} m, y {y:.2f} m, z {z:.2f} m, yaw {float(se3.yaw(self.T_a_b)):.3f} rad"
+        return f"AlignmentHypothesis({where}, log-likelihood {self.log_likelihood:.1f}, {len(self.paths_kept)} paths)"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameAlignment:
-    """What the radio says of how two robots' odometry frames lie.
+    """What the radio tells of how two robots' odometry frames lie.
 
     Args:
         robot_a, robot_b: the robots.
@@ -50,6 +56,10 @@ class FrameAlignment:
     runner_up: AlignmentHypothesis | None = None
     heading_knowledge: str = "none"
     rivals: tuple[AlignmentHypothesis, ...] = ()
+
+    def __repr__(self) -> str:
+        verdict = "ambiguous" if self.ambiguous else "certain"
+        return f"FrameAlignment({self.robot_a!r} and {self.robot_b!r}, {verdict}: {self.reason})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +93,9 @@ class RadioLinks:
     direction: FloatArray
     direction_covariance: FloatArray
 
+    def __repr__(self) -> str:
+        return f"RadioLinks({self.robot_a!r} and {self.robot_b!r}, {len(self)} links)"
+
     def __len__(self) -> int:
         return len(self.range_m)
 
@@ -112,8 +125,8 @@ class FilterResult:
         filter_name: registry name of the filter.
         pairs: kept pairs, one entry for each pair of robots (also when empty).
         pairs_total: how many pairs of keyframes there are between different robots.
-        alignments: one for each pair of robots of which the radio says anything.
-        diagnosis: sentences for the user: what was passed, rejected or left out, and why.
+        alignments: one for each pair of robots of which the radio tells anything.
+        diagnosis: sentences for the user: which pairs were kept, rejected or left out, and why.
         seconds: wall time spent.
         links: measurements that the kept pairs rest on, for the pose graph.
         checks: what measured closures of robots `(robot_a, robot_b)` can be held against where nothing is predicted for
@@ -129,7 +142,13 @@ class FilterResult:
     links: tuple[RadioLinks, ...] = ()
     checks: Mapping[tuple[str, str], ClosureCheck] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        kept = f"{self.pairs_kept} of {self.pairs_total} pairs kept"
+        ambiguous = sum(alignment.ambiguous for alignment in self.alignments)
+        aligned = f"{len(self.alignments) - ambiguous} of {len(self.alignments)} alignments certain"
+        return f"FilterResult({self.filter_name!r}, {kept}, {aligned}, {self.seconds:.2f} s)"
+
     @property
     def pairs_kept(self) -> int:
-        """How many pairs passed."""
+        """How many pairs were kept."""
         return sum(len(p) for p in self.pairs)

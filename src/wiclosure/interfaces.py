@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Protocol, runtime_checkable
 
-from wiclosure.types import FilterResult, Scan, Trajectory, WirelessLog
+from wiclosure.types import FilterResult, Float32Array, FloatArray, Scan, Trajectory, WirelessLog
 
 
 @runtime_checkable
@@ -30,6 +30,37 @@ class ScanSource(Protocol):
         ...
 
 
+class Odometry(Protocol):
+    """Follows one LiDAR through its scans, in order of time."""
+
+    @property
+    def voxel_size_m(self) -> float:
+        """The length that its map, and with it keyframes' clouds, are thinned by; NaN until the first scan tells."""
+        ...
+
+    def covers(self, scan: Scan) -> bool:
+        """Whether this scan can be followed; one that cannot is left out, counted and reported."""
+        ...
+
+    def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
+        """Next scan in; pose and deskewed points out.
+
+        Returns:
+            stamp_ns of the pose, that of the last point measured; `T_odom_body (4, 4)`; and the points `(N, 3)` within
+            range, in the body's axes at that instant.
+        """
+        ...
+
+    @property
+    def thinned(self) -> FloatArray | Float32Array:
+        """The last scan's points `(M, 3)` in the body's axes, one a voxel of half `voxel_size_m`.
+
+        Raises:
+            ValueError: no scan was registered yet.
+        """
+        ...
+
+
 class CandidateFilter(Protocol):
     """Chooses the pairs of keyframes that are worth comparing, before any scan is looked at."""
 
@@ -42,8 +73,8 @@ class CandidateFilter(Protocol):
         """Kept pairs between the keyframe trajectories of all robots.
 
         Args:
-            trajectories: keyframe odometry by robot name; indices in the result refer to these poses. Each robot
-                has its own, unknown odometry frame. Stamps of all robots come from one clock.
+            trajectories: keyframe odometry by the robot's name, which it carries too; indices in the result refer to
+                these poses. Each robot has its own, unknown odometry frame. Stamps of all robots come from one clock.
             wireless: measurements and headings of these robots.
         """
         ...

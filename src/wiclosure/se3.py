@@ -121,6 +121,11 @@ def yaw(T: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(T[..., 1, 0], T[..., 0, 0]))
 
 
+def wrap_angle(angle_rad: FloatArray) -> FloatArray:
+    """The same angles within [-pi, pi)."""
+    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+
+
 def rotation_angle(T: FloatArray) -> FloatArray:
     """Angle of each rotation, radians in [0, pi]; exact for small angles too."""
     R = T[..., :3, :3]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.arrays import BoolArray, FloatArray, IntArray
+from wiclosure.arrays import BoolArray, FloatArray, IntArray, float_array, stamp_array
 from wiclosure.drift import AccumulatedDrift, AccumulatedSteps, DriftModel
 from wiclosure.errors import InputError
 
+_NO_ROTATION = 1e-3  # rotations printed with four decimals are nearer to one than this
+_SHORTEST_STEP_NS = 1_000  # a million poses a second are no robot's odometry
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """The poses of one robot in one frame, usually its odometry frame.
 
@@ -26,6 +30,10 @@ class Trajectory:
             a robot which stands still between keyframes, or after the last, has a pose at every stamp.
         step_covariances: `(N - 1, 6, 6)` of `relative_pose(n, n + 1)` where the source states them; the drift model is
             then not used.
+
+    Raises:
+        InputError: stamps that are no integer nanoseconds or do not increase; poses that are no rotation and
+            translation; shapes that do not belong together.  Lists are converted.
     """
 
     robot: str
@@ -36,28 +44,29 @@ class Trajectory:
     step_covariances: FloatArray | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, str):
+            raise InputError(f"a trajectory begins with the robot's name; expected a string, got {type(self.robot)}")
+        name = f"trajectory of {self.robot}"
+        object.__setattr__(self, "poses", float_array(self.poses, f"{name}: poses"))
+        object.__setattr__(self, "stamps_ns", stamp_array(self.stamps_ns, f"{name}: stamps"))
         if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4) or len(self.poses) == 0:
-            raise InputError(
-                f"trajectory of {self.robot}: poses have shape {self.poses.shape}; expected (N, 4, 4), N >= 1"
-            )
+            raise InputError(f"{name}: poses have shape {self.poses.shape}; expected (N, 4, 4), N >= 1")
         if self.stamps_ns.shape != (len(self.poses),):
-            raise InputError(
-                f"trajectory of {self.robot}: {len(self.poses)} poses but stamps of shape {self.stamps_ns.shape}"
-            )
-        if self.step_covariances is not None and self.step_covariances.shape != (len(self.poses) - 1, 6, 6):
-            raise InputError(
-                f"trajectory of {self.robot}: {len(self.poses)} poses but step covariances of shape"
-                f" {self.step_covariances.shape}; expected (N - 1, 6, 6)"
-            )
-        if not np.isfinite(self.poses).all():
-            row = int(np.argmin(np.isfinite(self.poses).all(axis=(1, 2))))
-            raise InputError(f"trajectory of {self.robot}: pose {row} is not finite")
-        back = np.flatnonzero(np.diff(self.stamps_ns) <= 0)
-        if len(back):
-            raise InputError(
-                f"trajectory of {self.robot}: the stamp of pose {back[0] + 1} does not follow that of pose {back[0]};"
-                " sort the poses by time and drop repeated ones"
-            )
+            raise InputError(f"{name}: {len(self.poses)} poses but stamps of shape {self.stamps_ns.shape}")
+        if self.step_covariances is not None:
+            object.__setattr__(self, "step_covariances", float_array(self.step_covariances, f"{name}: covariances"))
+            if self.step_covariances.shape != (len(self.poses) - 1, 6, 6):
+                raise InputError(
+                    f"{name}: {len(self.poses)} poses but step covariances of shape {self.step_covariances.shape};"
+                    " expected (N - 1, 6, 6)"
+                )
+        _require_poses(self.poses, name)
+        _require_order(self.stamps_ns, name)
+        _require_nanoseconds(self.stamps_ns, name)
+
+    def __repr__(self) -> str:
+        seconds = (int(self.stamps_ns[-1]) - int(self.stamps_ns[0])) * 1e-9
+        return f"Trajectory({self.robot!r}, {len(self)} poses, {seconds:.1f} s, {self.distance[-1]:.1f} m)"
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -133,3 +142,59 @@ class Trajectory:
     def rotation_variance_between(self, i: IntArray, j: IntArray) -> FloatArray:
         """Traces `(M,)` of the rotation block of the same covariances, at a fraction of the cost."""
         return self._accumulated_drift.rotation_variance(np.asarray(i), np.asarray(j))
+
+
+def require_own_names(trajectories: Mapping[str, Trajectory]) -> None:
+    """Fails where a trajectory stands under another robot's name.
+
+    Raises:
+        InputError: names the key and the robot.
+    """
+    for key, trajectory in trajectories.items():
+        if key != trajectory.robot:
+            raise InputError(
+                f"the trajectory under {key!r} is of robot {trajectory.robot!r}; give it the name of its key"
+            )
+
+
+def _require_poses(poses: FloatArray, name: str) -> None:
+    """All `(N, 4, 4)` finite, a rotation and a translation."""
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(f"{name}: pose {np.argmin(finite)} is not finite; leave it out")
+    affine = (poses[:, 3] == np.array([0.0, 0.0, 0.0, 1.0])).all(axis=1)
+    if not affine.all():
+        row = int(np.argmin(affine))
+        raise InputError(f"{name}: the last row of pose {row} is {poses[row, 3].tolist()}; expected [0, 0, 0, 1]")
+    rotations = poses[:, :3, :3]
+    squares = np.einsum("nji,njk->nik", rotations, rotations)
+    off = np.abs(squares - np.eye(3)).max(axis=(1, 2))
+    if off.max() > _NO_ROTATION:
+        row = int(np.argmax(off > _NO_ROTATION))
+        scale = float(np.sqrt(np.trace(squares[row]) / 3))
+        scaled = np.abs(squares[row] - scale**2 * np.eye(3)).max() <= _NO_ROTATION * scale**2
+        how = f"is scaled by {scale:.4g}" if scaled else "has columns that are not orthonormal"
+        raise InputError(f"{name}: the rotation of pose {row} {how}; make it one (scipy: Rotation.from_matrix)")
+    handed = np.einsum("ni,ni->n", rotations[:, :, 0], np.cross(rotations[:, :, 1], rotations[:, :, 2]))
+    if handed.min() < 0:
+        row = int(np.argmax(handed < 0))
+        raise InputError(f"{name}: the rotation of pose {row} is mirrored (determinant -1); axes must be right-handed")
+
+
+def _require_order(stamps_ns: IntArray, name: str) -> None:
+    back = np.flatnonzero(np.diff(stamps_ns) <= 0)
+    if len(back):
+        raise InputError(
+            f"{name}: the stamp of pose {back[0] + 1} does not follow that of pose {back[0]};"
+            " sort the poses by time and drop repeated ones"
+        )
+
+
+def _require_nanoseconds(stamps_ns: IntArray, name: str) -> None:
+    """Integers that count seconds or milliseconds are known by how near they lie: half of the steps must say so."""
+    step_ns = float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else np.inf
+    if step_ns < _SHORTEST_STEP_NS:
+        raise InputError(
+            f"{name}: by its stamps ({stamps_ns[0]}, {stamps_ns[1]} ...) it has a pose every {step_ns:g} ns;"
+            " stamps are nanoseconds, so multiply seconds by 10**9"
+        )

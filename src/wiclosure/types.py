@@ -6,11 +6,20 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 """
 
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from wiclosure.candidates import CandidatePairs, Prior, RelativePosePredictor, robot_pairs
-from wiclosure.closure import Closure, Decision, Evidence, KeyframeId, worth_having
+from wiclosure.candidates import CandidatePairs, RelativePosePredictor, robot_pairs
+from wiclosure.closure import Closure, KeyframeId, Stage, measured_poses, survivors
+from wiclosure.evidence import (
+    Measured,
+    Prediction,
+    PredictionKind,
+    RegistrationEvidence,
+    Residual,
+    ScanContextMatch,
+    capped_covariance,
+)
 from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
 from wiclosure.scan import Scan
-from wiclosure.trajectory import Trajectory
+from wiclosure.trajectory import Trajectory, require_own_names
 from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 __all__ = [
@@ -21,8 +30,6 @@ __all__ = [
     "CandidatePairs",
     "Closure",
     "ClosureCheck",
-    "Decision",
-    "Evidence",
     "FilterResult",
     "Float32Array",
     "FloatArray",
@@ -30,13 +37,22 @@ __all__ = [
     "Heading",
     "IntArray",
     "KeyframeId",
-    "Prior",
+    "Measured",
+    "Prediction",
+    "PredictionKind",
     "RadioLinks",
+    "RegistrationEvidence",
     "RelativePosePredictor",
+    "Residual",
     "Scan",
+    "ScanContextMatch",
+    "Stage",
     "Trajectory",
     "WirelessLog",
     "WirelessMeasurement",
+    "capped_covariance",
+    "measured_poses",
+    "require_own_names",
     "robot_pairs",
-    "worth_having",
+    "survivors",
 ]

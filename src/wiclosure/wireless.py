@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, Self, TypeAlias
+from numbers import Real
+from typing import Literal, Self, TypeAlias, TypeVar
 
-import numpy as np
-
+from wiclosure.arrays import stamp
 from wiclosure.errors import InputError
 
 AoaFrame: TypeAlias = Literal["body", "odometry", "world"]
 
+_Entry = TypeVar("_Entry")
 
-@dataclass(frozen=True, slots=True)
+_TURN_RAD = 2 * math.pi + 1e-6
+_UPRIGHT_RAD = math.pi / 2 + 1e-6
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class AoaPath:
     """One direction from which a signal arrived: a mode of an angle-of-arrival profile.
 
     Args:
-        azimuth: rad, counter-clockwise from x forward.
+        azimuth: rad, counter-clockwise from x forward, within one turn.
         sigma: rad, standard deviation.
         weight: how likely this mode is the direct path, relative to the other modes of the same measurement.
         elevation: rad, up from the horizontal plane, or None where the antenna cannot tell.
+
+    Raises:
+        InputError: a number that is none, or beyond its range, as angles in degrees are.
     """
 
     azimuth: float
@@ -30,17 +39,25 @@ class AoaPath:
     elevation: float | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.azimuth) and math.isfinite(self.sigma) and math.isfinite(self.weight)):
-            raise InputError(f"path {self} holds a number that is not finite")
+        for name in ("azimuth", "sigma", "weight"):
+            _require_finite(f"path {name}", getattr(self, name))
+        if abs(self.azimuth) > _TURN_RAD:
+            raise InputError(f"path azimuth is {self.azimuth}; it must lie within -2 pi and 2 pi (radians)")
         if self.sigma <= 0:
             raise InputError(f"path sigma is {self.sigma}; it must be > 0 (radians)")
         if self.weight < 0:
             raise InputError(f"path weight is {self.weight}; it must be >= 0")
-        if self.elevation is not None and not abs(self.elevation) <= np.pi / 2 + 1e-6:
-            raise InputError(f"path elevation is {self.elevation}; it must lie within -pi/2 and pi/2 (radians)")
+        if self.elevation is not None:
+            _require_finite("path elevation", self.elevation)
+            if abs(self.elevation) > _UPRIGHT_RAD:
+                raise InputError(f"path elevation is {self.elevation}; it must lie within -pi/2 and pi/2 (radians)")
+
+    def __repr__(self) -> str:
+        upwards = "" if self.elevation is None else f", elevation {self.elevation:.3f}"
+        return f"AoaPath({self.azimuth:.3f} rad{upwards}, sigma {self.sigma:.3f}, weight {self.weight:.2f})"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class WirelessMeasurement:
     """What the receiver learnt from one exchange with the transmitter: a range, directions, or both.
 
@@ -56,6 +73,10 @@ class WirelessMeasurement:
         transmitter_stamp_ns: time at the transmitter, where it differs.
         lever_arm_receiver: `(x, y, z)` of the antenna in the receiver's body frame, metres.
         lever_arm_transmitter: the same at the transmitter.
+
+    Raises:
+        InputError: stamps that are no integers, a robot that hears itself, neither a range nor a direction, or a number
+            that is none or beyond its range.  Lists of paths are converted.
     """
 
     stamp_ns: int
@@ -70,26 +91,50 @@ class WirelessMeasurement:
     lever_arm_transmitter: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", stamp(self.stamp_ns, "stamp_ns of a wireless measurement"))
+        if (sent_ns := self.transmitter_stamp_ns) is not None:
+            object.__setattr__(self, "transmitter_stamp_ns", stamp(sent_ns, "transmitter_stamp_ns of a measurement"))
+        object.__setattr__(self, "paths", _all_of(AoaPath, self.paths, "paths of a wireless measurement"))
         if self.receiver == self.transmitter:
             raise InputError(f"wireless measurement from {self.receiver!r} to itself")
         if self.range_m is None and not self.paths:
             raise InputError("wireless measurement without range and without paths")
         if self.range_m is not None:
-            if not (math.isfinite(self.range_m) and self.range_m >= 0):
+            _require_finite("range", self.range_m)
+            if self.range_m < 0:
                 raise InputError(f"range is {self.range_m}; it must be a number >= 0 (metres)")
             if self.range_sigma_m is None or not (math.isfinite(self.range_sigma_m) and self.range_sigma_m > 0):
                 raise InputError(f"range_sigma is {self.range_sigma_m}; it must be a number > 0 (metres)")
         if self.aoa_frame not in {"body", "odometry", "world"}:
             raise InputError(f"aoa_frame is {self.aoa_frame!r}; expected body, odometry or world")
         for name in ("lever_arm_receiver", "lever_arm_transmitter"):
-            arm = getattr(self, name)
+            arm = tuple(getattr(self, name))
             if len(arm) != 3 or not all(map(math.isfinite, arm)):
                 raise InputError(f"{name} is {arm}; expected three finite numbers (metres)")
+            object.__setattr__(self, name, arm)
+
+    def __repr__(self) -> str:
+        told = [] if self.range_m is None else [f"{self.range_m:.2f} m"]
+        told += [f"{_counted(len(self.paths), 'path')} in {self.aoa_frame} axes"] if self.paths else []
+        return (
+            f"WirelessMeasurement({self.receiver!r} hears {self.transmitter!r} at {_seconds(self.stamp_ns)},"
+            f" {', '.join(told)})"
+        )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Heading:
-    """A compass or AHRS reading: yaw of the robot's body in the common world axes, radians."""
+    """A compass or AHRS reading.
+
+    Args:
+        stamp_ns: the robot's time.
+        robot: its name.
+        heading: rad, yaw of its body in the common world axes; turns may have been counted.
+        sigma: rad, standard deviation.
+
+    Raises:
+        InputError: a stamp that is no integer, or a number that is none or beyond its range.
+    """
 
     stamp_ns: int
     robot: str
@@ -97,18 +142,39 @@ class Heading:
     sigma: float
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.heading):
-            raise InputError(f"heading is {self.heading}; it must be finite (radians)")
-        if not (np.isfinite(self.sigma) and self.sigma > 0):
+        object.__setattr__(self, "stamp_ns", stamp(self.stamp_ns, "stamp_ns of a heading"))
+        _require_finite("heading", self.heading)
+        _require_finite("heading sigma", self.sigma)
+        if self.sigma <= 0:
             raise InputError(f"heading sigma is {self.sigma}; it must be a number > 0 (radians)")
 
+    def __repr__(self) -> str:
+        return f"Heading({self.robot!r} at {_seconds(self.stamp_ns)}, {self.heading:.3f} rad, sigma {self.sigma:.3f})"
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class WirelessLog:
-    """All that was heard: measurements and headings, each in order of time."""
+    """All that was heard: measurements and headings, each in order of time.
+
+    Raises:
+        InputError: an entry of another type.  Lists are converted.
+    """
 
     measurements: tuple[WirelessMeasurement, ...] = ()
     headings: tuple[Heading, ...] = ()
+
+    def __post_init__(self) -> None:
+        measurements = _all_of(WirelessMeasurement, self.measurements, "measurements of a wireless log")
+        object.__setattr__(self, "measurements", measurements)
+        object.__setattr__(self, "headings", _all_of(Heading, self.headings, "headings of a wireless log"))
+
+    def __repr__(self) -> str:
+        stamps = [m.stamp_ns for m in self.measurements] + [h.stamp_ns for h in self.headings]
+        if not stamps:
+            return "WirelessLog(empty)"
+        counts = f"{_counted(len(self.measurements), 'measurement')}, {_counted(len(self.headings), 'heading')}"
+        span_s = (max(stamps) - min(stamps)) * 1e-9
+        return f"WirelessLog({counts}, of {', '.join(sorted(self.robots()))}, {span_s:.1f} s)"
 
     def __add__(self, other: Self) -> WirelessLog:
         return WirelessLog(
@@ -119,3 +185,25 @@ class WirelessLog:
     def robots(self) -> set[str]:
         """Names of all robots that occur."""
         return {r for m in self.measurements for r in (m.receiver, m.transmitter)} | {h.robot for h in self.headings}
+
+
+def _require_finite(name: str, value: object) -> None:
+    if not (isinstance(value, Real) and math.isfinite(value)):
+        raise InputError(f"{name} is {value}; it must be a finite number")
+
+
+def _all_of(kind: type[_Entry], entries: Iterable[_Entry], name: str) -> tuple[_Entry, ...]:
+    """The entries as a tuple, all of one kind."""
+    found = tuple(entries)
+    for entry in found:
+        if not isinstance(entry, kind):
+            raise InputError(f"{name}: expected {kind.__name__}, got a {type(entry).__name__}")
+    return found
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns * 1e-9:.3f} s"
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.backends.g2o_reader import read_g2o
 from wiclosure.drift import DriftModel
-from wiclosure.types import Closure, Decision, Evidence, FloatArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory
 
 CLOSURE_COVARIANCE = np.diag(np.repeat([0.01**2, 0.1**2], 3))
 
@@ -34,12 +34,17 @@ class Team:
             T = T @ se3.exp(error)
         if isinstance(noise, np.random.Generator):
             T = T @ se3.exp(noise.multivariate_normal(np.zeros(6), CLOSURE_COVARIANCE))
-        return Closure(KeyframeId(*query), KeyframeId(*match), T, CLOSURE_COVARIANCE, Evidence(), Decision.VERIFIED)
+        return Closure.from_measurement(KeyframeId(*query), KeyframeId(*match), T, CLOSURE_COVARIANCE)
 
     def false_closure(self, query: tuple[str, int], match: tuple[str, int], rng: np.random.Generator) -> Closure:
         """A registration of two places that have nothing to do with each other."""
         T = random_transforms(rng, 1, 10.0)[0]
-        return Closure(KeyframeId(*query), KeyframeId(*match), T, CLOSURE_COVARIANCE, Evidence(), Decision.VERIFIED)
+        return Closure.from_measurement(KeyframeId(*query), KeyframeId(*match), T, CLOSURE_COVARIANCE)
+
+    @staticmethod
+    def remeasured(closure: Closure, **changes: object) -> Closure:
+        """The closure with another measured pose, covariance or evidence."""
+        return replace(closure, measured=replace(closure.measured, **changes))
 
 
 def random_transforms(rng: np.random.Generator, n: int, spread_m: float) -> FloatArray:

@@ -53,14 +53,14 @@ def test_symbols_name_the_robots_and_keys_may_skip(read):
 def test_information_is_turned_into_covariance_rotation_first(read):
     information = "4 0 0 0 0 0 4 0 0 0 0 4 0 0 0 100 0 0 100 0 100"
     team = read([*CHAIN_A, *CHAIN_B, edge(A, B + 5, AHEAD, information)])
-    np.testing.assert_allclose(team.closures[0].covariance, np.diag([0.01] * 3 + [0.25] * 3))
+    np.testing.assert_allclose(team.closures[0].measured.covariance, np.diag([0.01] * 3 + [0.25] * 3))
     np.testing.assert_allclose(team.odometry["a"].step_covariances, np.stack([np.eye(6)] * 2))
 
 
 def test_closures_in_both_robots_files_count_once(read):
     loop = edge(A, B + 5)
     team = read([*CHAIN_A, loop], [*CHAIN_B, loop, edge(A, B + 5, "2 0 0 0 0 0 1")])
-    assert [c.T_query_match[0, 3] for c in team.closures] == [1.0, 2.0]
+    assert [c.measured.T_query_match[0, 3] for c in team.closures] == [1.0, 2.0]
     assert team.places[0].endswith("0.g2o, line 6")
 
 
@@ -108,7 +108,7 @@ def test_what_can_be_repaired_is_repaired_and_said(read):
     chain = [vertex(A, "nan 0 0 0 0 0 1"), vertex(A + 1), edge(A, A + 1, "1 0 0 0 0 0 2"), "0.42", vertex(A + 1, AHEAD)]
     team = read([*chain, edge(A, A + 1, AHEAD, "1 " + "0 " * 20)])
     np.testing.assert_allclose(team.odometry["a"].positions[:, 0], [0, 1])
-    assert np.linalg.eigvalsh(team.closures[0].covariance)[-1] == pytest.approx(1e8)
+    assert np.linalg.eigvalsh(team.closures[0].measured.covariance)[-1] == pytest.approx(1e8)
     said = "\n".join(team.warnings)
     for part in ("line 4: '0.42'", "line 5: a1 stands already", "starts at the origin", "length 2", "singular"):
         assert part in said

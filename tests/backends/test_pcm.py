@@ -17,7 +17,7 @@ from wiclosure.backends.judgement import chance_sets
 from wiclosure.backends.pcm import IncrementalPcm, pairwise_consistent
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, Decision, Evidence, KeyframeId
+from wiclosure.types import Closure, KeyframeId, Prediction, PredictionKind, RegistrationEvidence, Stage, survivors
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
@@ -37,12 +37,11 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
     team, rng = team_maker(3, noise=1.0), np.random.default_rng(3)
     closures = random_closures(team, 12, rng, noise=rng)
     turned = [
-        replace(
-            c,
-            query=c.match,
-            match=c.query,
-            T_query_match=se3.inverse(c.T_query_match),
-            covariance=se3.inverse_covariance(c.T_query_match, c.covariance),
+        Closure.from_measurement(
+            c.match,
+            c.query,
+            se3.inverse(c.measured.T_query_match),
+            se3.inverse_covariance(c.measured.T_query_match, c.measured.covariance),
         )
         for c in closures
     ]
@@ -58,11 +57,10 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
     true = random_closures(team, 15, rng, noise=rng)
     false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (60, 2))]
     result = pairwise_consistent(true + false, team.odometry, PcmSettings())
-    decisions = [c.decision for c in result.closures]
-    assert decisions[15:] == [Decision.REJECTED] * 60
-    assert decisions[:15].count(Decision.ACCEPTED) >= 14
+    assert [c.rejected_at for c in result.closures[15:]] == [Stage.CONSISTENCY] * 60
+    assert len(survivors(result.closures[:15], Stage.CONSISTENCY)) >= 14
     assert "closures of the largest consistent set" in result.closures[20].reason
-    assert result.closures[0].evidence.consistent_with >= 10
+    assert result.closures[0].consistent_with >= 10
 
 
 @pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
@@ -77,16 +75,17 @@ def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
 def test_neighbours_of_one_place_need_a_prediction(team_maker, predicted):
     """Keyframes next to each other see one look-alike place from one false pose: they agree, and are all wrong."""
     team = team_maker(2)
-    evidence = Evidence(prior_chi2=3.0) if predicted else Evidence()
+    prediction = Prediction(np.eye(4), np.eye(6), PredictionKind.POSE) if predicted else None
     elsewhere = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
     closures = [
-        Closure(
-            KeyframeId("alpha", 10 + n),
-            KeyframeId("beta", 20 + n),
-            se3.between(team.truth["alpha"].poses[10 + n], elsewhere @ team.truth["beta"].poses[20 + n]),
-            np.diag([1e-4] * 6),
-            evidence,
-            Decision.VERIFIED,
+        replace(
+            Closure.from_measurement(
+                KeyframeId("alpha", 10 + n),
+                KeyframeId("beta", 20 + n),
+                se3.between(team.truth["alpha"].poses[10 + n], elsewhere @ team.truth["beta"].poses[20 + n]),
+                np.diag([1e-4] * 6),
+            ),
+            prediction=prediction,
         )
         for n in range(3)
     ]
@@ -98,17 +97,17 @@ def test_neighbours_of_one_place_need_a_prediction(team_maker, predicted):
 
 def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_maker):
     team, rng = team_maker(4), np.random.default_rng(4)
-    shifted = [replace(c, T_query_match=np.asarray(c.T_query_match)) for c in random_closures(team, 5, rng)]
+    shifted = random_closures(team, 5, rng)
     mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))  # beta's whole frame 30 m off, as a row of equal houses does
     for n, c in enumerate(shifted):
         query = team.truth["alpha"].poses[c.query.index]
         match = mirror @ team.truth["beta"].poses[c.match.index]
-        shifted[n] = replace(c, T_query_match=se3.between(query, match))
+        shifted[n] = team.remeasured(c, T_query_match=se3.between(query, match))
     closures = random_closures(team, 5, rng) + shifted
     result = pairwise_consistent(closures, team.odometry, PcmSettings())
     assert result.pairs[0].rival == result.pairs[0].largest == 5
     assert "ambiguous" in result.diagnosis[0]
-    assert all(c.decision is Decision.REJECTED for c in result.closures)
+    assert all(c.rejected_at is Stage.CONSISTENCY for c in result.closures)
     assert pairwise_consistent(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
 
 
@@ -117,7 +116,7 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     team, rng = team_maker(4), np.random.default_rng(4)
     mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
     false = [
-        replace(
+        team.remeasured(
             c,
             T_query_match=se3.between(
                 team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
@@ -130,30 +129,34 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 
+def structure(inlier_ratio):
+    return RegistrationEvidence(inliers=500, inlier_ratio=inlier_ratio, agreement=1.0, rms_m=0.1)
+
+
 @pytest.mark.parametrize(("weight", "kept"), [("count", 8), ("structure", 6)])
 def test_a_few_good_closures_outweigh_more_poor_ones_where_structure_counts(team_maker, weight, kept):
     team, rng = team_maker(4), np.random.default_rng(4)
     mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
-    good = [replace(c, evidence=replace(c.evidence, inlier_ratio=0.9)) for c in random_closures(team, 6, rng)]
+    good = [team.remeasured(c, evidence=structure(0.9)) for c in random_closures(team, 6, rng)]
     poor = [
-        replace(
+        team.remeasured(
             c,
             T_query_match=se3.between(
                 team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
             ),
-            evidence=replace(c.evidence, inlier_ratio=0.3),
+            evidence=structure(0.3),
         )
         for c in random_closures(team, 8, rng)
     ]
     result = pairwise_consistent(good + poor, team.odometry, PcmSettings(weight=weight, rival_share=0.9))
     assert result.pairs[0].kept == kept
-    assert [c.decision is Decision.ACCEPTED for c in result.closures] == [kept == 6] * 6 + [kept == 8] * 8
+    assert [c.survived(Stage.CONSISTENCY) for c in result.closures] == [kept == 6] * 6 + [kept == 8] * 8
 
 
 def test_a_single_good_closure_does_not_outweigh_poor_ones_that_agree(team_maker):
     team, rng = team_maker(4), np.random.default_rng(4)
-    poor = [replace(c, evidence=replace(c.evidence, inlier_ratio=0.3)) for c in random_closures(team, 3, rng)]
-    good = replace(team.false_closure(("alpha", 5), ("beta", 9), rng), evidence=Evidence(inlier_ratio=0.95))
+    poor = [team.remeasured(c, evidence=structure(0.3)) for c in random_closures(team, 3, rng)]
+    good = team.remeasured(team.false_closure(("alpha", 5), ("beta", 9), rng), evidence=structure(0.95))
     for weight in ("count", "structure"):
         result = pairwise_consistent([*poor, good], team.odometry, PcmSettings(weight=weight, min_extent_m=0.0))
         assert result.pairs[0].kept == 3
@@ -177,8 +180,8 @@ def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, pa
         pcm.add(closures[first:last], {r: t.subset(np.arange(until)) for r, t in team.odometry.items()})
     step_by_step = pcm.result()
     at_once = pairwise_consistent(closures, team.odometry, PcmSettings(max_scale=max_scale))
-    assert [(c.decision, c.reason, c.evidence.consistent_with) for c in step_by_step.closures] == [
-        (c.decision, c.reason, c.evidence.consistent_with) for c in at_once.closures
+    assert [(c.rejected_at, c.reason, c.consistent_with) for c in step_by_step.closures] == [
+        (c.rejected_at, c.reason, c.consistent_with) for c in at_once.closures
     ]
     assert step_by_step.scale == at_once.scale
 
@@ -188,7 +191,7 @@ def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_
     team, rng = team_maker(14, noise=1.0), np.random.default_rng(14)
     closures = random_closures(team, 30, rng, noise=rng)
     closures += [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (8, 2))]
-    stated = [replace(c, covariance=c.covariance / times**2) for c in closures]
+    stated = [team.remeasured(c, covariance=c.measured.covariance / times**2) for c in closures]
     small = team.odometry["alpha"].drift.model_dump()
     drift = DriftModel(**{name: value / times for name, value in small.items()})
     odometry = {r: replace(t, drift=drift) for r, t in team.odometry.items()}
@@ -198,7 +201,7 @@ def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_
     )
     assert fitted.scale == times
     assert fitted.pairs[0].kept >= 28
-    assert not any(c.decision is Decision.ACCEPTED for c in fitted.closures[30:])
+    assert not survivors(fitted.closures[30:], Stage.CONSISTENCY)
     assert (as_stated.pairs[0].kept >= 28) == (times == 1.0)
     assert ("4 times as large" in fitted.diagnosis[0]) == (times == 4.0)
 
@@ -226,7 +229,7 @@ def test_closures_within_one_robot_must_agree_with_its_odometry(team_maker):
     result = pairwise_consistent(
         [true, team.false_closure(("alpha", 40), ("alpha", 5), rng)], team.odometry, PcmSettings()
     )
-    assert [c.decision for c in result.closures] == [Decision.ACCEPTED, Decision.REJECTED]
+    assert [c.survived(Stage.CONSISTENCY) for c in result.closures] == [True, False]
     assert "own odometry" in result.closures[1].reason
 
 
@@ -234,9 +237,9 @@ def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_
     team = team_maker(7)
     good = [team.closure(("alpha", i), ("beta", i)) for i in (3, 20, 40)]
     broken = [
-        replace(good[0], T_query_match=np.full((4, 4), np.nan)),
-        replace(good[0], covariance=np.full((6, 6), np.inf)),
-        replace(good[0], covariance=-np.eye(6)),
+        team.remeasured(good[0], T_query_match=np.full((4, 4), np.nan)),
+        team.remeasured(good[0], covariance=np.full((6, 6), np.inf)),
+        team.remeasured(good[0], covariance=-np.eye(6)),
         replace(good[0], match=good[0].query),
     ]
     result = pairwise_consistent(good + broken, team.odometry, PcmSettings())
@@ -251,14 +254,16 @@ def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_
 
 def test_singular_covariances_are_usable(team_maker):
     team = team_maker(7)
-    closures = [replace(team.closure(("alpha", i), ("beta", i)), covariance=np.zeros((6, 6))) for i in (3, 3, 40)]
+    closures = [
+        team.remeasured(team.closure(("alpha", i), ("beta", i)), covariance=np.zeros((6, 6))) for i in (3, 3, 40)
+    ]
     assert pairwise_consistent(closures, team.odometry, PcmSettings()).pairs[0].kept == 3
 
 
 def test_closures_of_other_stages_pass_unchanged(team_maker):
     team = team_maker(8)
-    proposed = replace(team.closure(("alpha", 1), ("beta", 1)), decision=Decision.PROPOSED)
-    rejected = replace(proposed, decision=Decision.REJECTED, reason="too few points")
+    proposed = Closure(KeyframeId("alpha", 1), KeyframeId("beta", 1))
+    rejected = proposed.rejected(Stage.REGISTRATION, "too few points")
     assert pairwise_consistent([proposed, rejected], team.odometry, PcmSettings()).closures == (proposed, rejected)
     assert pairwise_consistent([], team.odometry, PcmSettings()).closures == ()
 
@@ -309,7 +314,7 @@ class TestRecordedGraphs:
     def test_spoiled_graph_loses_exactly_the_false_closures(self, data_dir, g2o_loader):
         graph = g2o_loader(data_dir / "pose_graphs/pcm_spoiled/example_2robots")
         accepted = [
-            c.decision is Decision.ACCEPTED
+            c.survived(Stage.CONSISTENCY)
             for c in pairwise_consistent(graph.closures, graph.odometry, PcmSettings()).closures
         ]
         assert accepted == [True] * 10 + [False] * 10  # the false ones were appended to the file
@@ -321,7 +326,7 @@ class TestRecordedGraphs:
             graph.closures, graph.odometry, PcmSettings(noise=ClosureNoise(translation_m=0.3, rotation_rad=0.1))
         )
         outliers = {27, 38}
-        accepted = {c.query.index for c in result.closures if c.decision is Decision.ACCEPTED}
+        accepted = {c.query.index for c in result.closures if c.survived(Stage.CONSISTENCY)}
         assert len(accepted) >= 15
         assert not accepted & outliers
 
@@ -337,7 +342,7 @@ def test_of_a_thousand_closures_the_false_ones_are_rejected(team_maker):
         for n, (a, b) in enumerate(ends)
     ]
     result = pairwise_consistent(closures, team.odometry, PcmSettings())
-    accepted = np.array([c.decision is Decision.ACCEPTED for c in result.closures])
+    accepted = np.array([c.survived(Stage.CONSISTENCY) for c in result.closures])
     # One in a hundred pairs of true closures disagrees by the choice of the quantile, so no clique can hold them all.
     assert accepted[:600].mean() > 0.75
     assert not accepted[600:].any()

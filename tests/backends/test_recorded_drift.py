@@ -9,7 +9,7 @@ from wiclosure import se3
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
-from wiclosure.types import Closure, Decision, Evidence, KeyframeId, Trajectory, robot_pairs
+from wiclosure.types import Closure, KeyframeId, Trajectory, robot_pairs
 
 CAMERA = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # x right, y down, z forward
 COVARIANCE = np.diag(np.repeat([0.005**2, 0.05**2], 3))
@@ -54,13 +54,13 @@ def closures_of(team, n_true, n_false):
                 if not label:
                     T = se3.from_yaw(rng.choice([0, np.pi]) + rng.normal(0, 0.05), np.array([*rng.normal(0, 4, 2), 0]))
                 ends = KeyframeId(a, int(i)), KeyframeId(b, int(j))
-                closures.append(Closure(*ends, T, COVARIANCE, Evidence(), Decision.VERIFIED))
+                closures.append(Closure.from_measurement(*ends, T, COVARIANCE))
                 labels.append(label)
     return closures, np.array(labels)
 
 
 def accepted(closures):
-    return np.array([c.decision is Decision.ACCEPTED for c in closures])
+    return np.array([c.rejected_at is None for c in closures])
 
 
 def test_real_drift_does_not_look_like_false_closures(team):

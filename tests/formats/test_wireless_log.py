@@ -93,7 +93,7 @@ def test_defaults_blank_lines_and_any_order(tmp_path: Path) -> None:
         (("{", ""), "not valid JSON"),
         (('"type":"wireless"', '"type":"wifi"'), "wireless"),
         (('"type":"wireless",', ""), "type"),
-        (('"range_sigma"', '"range_sigmas"'), 'did you mean "range_sigma"'),
+        (('"range_sigma"', '"range_sigmas"'), "did you mean range_sigma?"),
         (('"azimuth"', '"azimut"'), '"azimuth"'),
         (('"receiver":"alpha",', ""), '"receiver"'),
         (('"receiver":"alpha"', '"receiver":"beta"'), "to itself"),

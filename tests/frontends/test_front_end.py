@@ -9,10 +9,10 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.frontends.config import FrontEndSettings, KeyframeSettings, OdometrySettings
-from wiclosure.frontends.front_end import FrontEnd, FrontEndResult, OdometryRun, describe_all
-from wiclosure.frontends.front_end_result import Descriptors, OdometryResult
-from wiclosure.types import FloatArray, Scan
+from wiclosure.frontends.config import KeyframeSettings, OdometrySettings, ScanContextSettings
+from wiclosure.frontends.front_end import OdometryRun, describe_all
+from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, OdometryResult
+from wiclosure.types import FloatArray, Scan, Trajectory
 
 
 class Drive(Protocol):
@@ -22,7 +22,7 @@ class Drive(Protocol):
     def __getitem__(self, index: int) -> Scan: ...
 
 
-SETTINGS = FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5))
+KEYFRAMES = KeyframeSettings(distance_m=0.5)
 
 
 def room(T_world_body: FloatArray, seed: int = 0) -> FloatArray:
@@ -40,15 +40,21 @@ def room(T_world_body: FloatArray, seed: int = 0) -> FloatArray:
     return se3.transform(se3.inverse(T_world_body), np.concatenate([walls, columns]))
 
 
-def walk(front_end: FrontEnd, steps: int) -> FrontEndResult:
+def start(robot: str = "alpha", keyframes: KeyframeSettings = KEYFRAMES) -> OdometryRun:
+    return OdometryRun(OdometrySettings(), [keyframes], robot)
+
+
+def walk(steps: int, drift: DriftModel) -> FrontEndResult:
+    run = start()
     for k in range(steps):
         pose = se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0]))
-        front_end.process(Scan(k * 100_000_000, room(pose)))
-    return front_end.result()
+        run.process(Scan(k * 100_000_000, room(pose)))
+    (found,) = run.results()
+    return FrontEndResult.of("alpha", drift, found, describe_all(found.clouds, ScanContextSettings()))
 
 
 def test_a_walk_through_a_room_is_followed_and_its_keyframes_are_poses_of_it() -> None:
-    result = walk(FrontEnd(SETTINGS, "alpha"), 21)
+    result = walk(21, DriftModel())
     assert result.odometry.robot == "alpha"
     np.testing.assert_allclose(result.odometry.positions[-1], [2.0, 0.4, 0.0], atol=0.05)
     assert se3.yaw(result.odometry.poses[-1]) == pytest.approx(0.4, abs=0.01)
@@ -59,7 +65,7 @@ def test_a_walk_through_a_room_is_followed_and_its_keyframes_are_poses_of_it() -
 
 
 def test_saved_stages_are_read_back_the_same(tmp_path: Path) -> None:
-    run = OdometryRun(SETTINGS.odometry, [SETTINGS.keyframes], "alpha")
+    run = start()
     for k in range(12):
         run.process(Scan(k * 100_000_000, room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])))))
     (saved,) = run.results()
@@ -72,7 +78,7 @@ def test_saved_stages_are_read_back_the_same(tmp_path: Path) -> None:
     for cloud, expected in zip(loaded.clouds, saved.clouds, strict=True):
         np.testing.assert_array_equal(cloud, expected)
         assert cloud.dtype == np.float32
-    described = describe_all(saved.clouds, SETTINGS.scan_context)
+    described = describe_all(saved.clouds, ScanContextSettings())
     described.save(tmp_path / "descriptors")
     again = Descriptors.load(tmp_path / "descriptors")
     np.testing.assert_array_equal(again.images, described.images)
@@ -84,7 +90,7 @@ def test_keyframes_of_several_settings_are_those_of_each_alone() -> None:
     scans = [Scan(k * 10**8, room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])))) for k in range(12)]
 
     def results(of: list[KeyframeSettings]) -> tuple[OdometryResult, ...]:
-        run = OdometryRun(SETTINGS.odometry, of, "alpha")
+        run = OdometryRun(OdometrySettings(), of, "alpha")
         for scan in scans:
             run.process(scan)
         return run.results()
@@ -98,19 +104,18 @@ def test_keyframes_of_several_settings_are_those_of_each_alone() -> None:
 
 
 def test_a_result_carries_robot_and_drift_of_the_run() -> None:
-    result = walk(FrontEnd(SETTINGS, "alpha", DriftModel(translation_walk=0.07)), 3)
+    result = walk(3, DriftModel(translation_walk=0.07))
     assert (result.robot, result.keyframes.drift.translation_walk) == ("alpha", 0.07)
 
 
 def test_a_cloud_of_several_scans_shows_what_each_of_them_shows() -> None:
     def clouds(scans: int) -> list[FloatArray]:
-        settings = FrontEndSettings(keyframes=KeyframeSettings(distance_m=0.5, scans=scans))
-        front_end = FrontEnd(settings, "alpha")
+        run = start(keyframes=KeyframeSettings(distance_m=0.5, scans=scans))
         for k in range(11):
             points = room(se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0])), seed=k)
             seen = points[:, 0] > 0 if k % 2 else points[:, 0] < 0  # each scan shows one half
-            front_end.process(Scan(k * 100_000_000, points[seen]))
-        return [np.asarray(cloud, float) for cloud in front_end.result().clouds]
+            run.process(Scan(k * 100_000_000, points[seen]))
+        return [np.asarray(cloud, float) for cloud in run.results()[0].clouds]
 
     for alone, together in zip(clouds(1)[1:], clouds(3)[1:], strict=True):
         half = abs(np.mean(alone[:, 0] > 0.3) - 0.5)
@@ -121,7 +126,7 @@ def test_a_cloud_of_several_scans_shows_what_each_of_them_shows() -> None:
 @pytest.mark.parametrize("damage", ["cut to 0", "cut to 10", "cut to 500", "a byte turned"])
 def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "alpha.cache"
-    run = OdometryRun(SETTINGS.odometry, [SETTINGS.keyframes], "alpha")
+    run = start()
     run.process(Scan(0, room(np.eye(4))))
     run.results()[0].save(path)
     content = bytearray(path.read_bytes())
@@ -137,7 +142,7 @@ def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -
 
 
 def test_scans_without_points_and_late_scans_are_left_out_and_counted() -> None:
-    front_end = FrontEnd(SETTINGS, "alpha")
+    run = start()
     for stamp_ns, points in (
         (0, np.zeros((0, 3))),
         (10, room(np.eye(4))),
@@ -146,25 +151,23 @@ def test_scans_without_points_and_late_scans_are_left_out_and_counted() -> None:
         (5, room(np.eye(4))),
         (30, room(np.eye(4))),
     ):
-        front_end.process(Scan(stamp_ns, points))
-    result = front_end.result()
-    assert result.odometry.stamps_ns.tolist() == [10, 30]
+        run.process(Scan(stamp_ns, points))
+    (result,) = run.results()
+    assert result.stamps_ns.tolist() == [10, 30]
     assert (result.counts.scans, result.counts.sparse, result.counts.late) == (6, 2, 2)
 
 
 def test_no_usable_scan_is_an_error_that_names_the_robot_and_the_range() -> None:
-    settings = FrontEndSettings(odometry=OdometrySettings(min_range_m=50.0))
-    front_end = FrontEnd(settings, "beta")
-    front_end.process(Scan(0, room(np.eye(4))))
+    run = OdometryRun(OdometrySettings(min_range_m=50.0), [KEYFRAMES], "beta")
+    run.process(Scan(0, room(np.eye(4))))
     with pytest.raises(InputError, match="robot beta: none of 1 scans has 100 points between 50 and 100 m"):
-        front_end.result()
+        run.results()
 
 
 @pytest.mark.slow
 def test_a_recorded_drive_has_its_true_length(kitti_drive: Drive) -> None:
-    front_end = FrontEnd(FrontEndSettings(), "alpha")
-    for index in range(len(kitti_drive)):
-        front_end.process(kitti_drive[index])
-    result = front_end.result()
-    assert result.odometry.distance[-1] == pytest.approx(71.5, rel=0.01)
-    assert len(result.odometry) == len(kitti_drive)
+    run = start()
+    run.process_all(kitti_drive[index] for index in range(len(kitti_drive)))
+    (result,) = run.results()
+    assert Trajectory("alpha", result.stamps_ns, result.poses).distance[-1] == pytest.approx(71.5, rel=0.01)
+    assert len(result.stamps_ns) == len(kitti_drive)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from wiclosure.frontends.config import MatchingSettings, ScanContextSettings
 from wiclosure.frontends.front_end import describe_all, describe_shifted
 from wiclosure.frontends.matching import match, spread_out
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
-from wiclosure.types import CandidatePairs, Decision, Float32Array, FloatArray, IntArray
+from wiclosure.types import CandidatePairs, Float32Array, FloatArray, IntArray, PredictionKind, Stage
 
 RINGS, SECTORS = 8, 12
 
@@ -27,6 +29,9 @@ def all_pairs(count_a: int, count_b: int) -> CandidatePairs:
 class TenMetresApart:
     """Predicts every pair 10 m along x, with a known covariance."""
 
+    def __init__(self, kind: PredictionKind = PredictionKind.POSE) -> None:
+        self.kind = kind
+
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -42,9 +47,10 @@ def test_the_same_places_seen_turned_are_proposed_with_their_yaw() -> None:
     result = match(all_pairs(9, 9), a, b, MatchingSettings(max_distance=0.05))
     assert [(c.query.index, c.match.index) for c in result.closures] == [(i, 8 - i) for i in range(9)]
     for closure in result.closures:
-        assert closure.decision is Decision.PROPOSED
+        assert (closure.passed, closure.measured, closure.prediction) == (Stage.MATCHING, None, None)
         assert closure.query.robot == "alpha"
-        assert closure.evidence.scan_context_yaw == pytest.approx(3 * 2 * np.pi / SECTORS)
+        assert closure.scan_context is not None
+        assert closure.scan_context.yaw_rad == pytest.approx(3 * 2 * np.pi / SECTORS)
     assert (result.pairs_in, result.pairs_compared, result.pairs_alike) == (81, 81, 9)
 
 
@@ -85,7 +91,7 @@ def test_proposals_equal_those_of_a_search_keyframe_by_keyframe(
     assert result.pairs_compared == len(near)
 
 
-def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
+def test_a_prediction_stays_with_its_closure_and_loosens_the_threshold() -> None:
     a, b = descriptors(3, 0), descriptors(4, 1)
     bare = all_pairs(3, 4)
     probability = np.linspace(0.1, 0.9, len(bare))
@@ -98,9 +104,11 @@ def test_a_prediction_is_carried_and_loosens_the_threshold() -> None:
     assert len(closures) >= 3
     for closure in closures:
         i, j = closure.query.index, closure.match.index
-        np.testing.assert_allclose(closure.T_query_match[:2, 3], [10.0, i - j])
-        np.testing.assert_allclose(closure.covariance, 0.25 * np.eye(6))
-        assert closure.evidence.overlap_probability == pytest.approx(probability[i * 4 + j])
+        assert closure.prediction is not None
+        assert closure.prediction.kind is PredictionKind.POSE
+        np.testing.assert_allclose(closure.prediction.T_query_match[:2, 3], [10.0, i - j])
+        np.testing.assert_allclose(closure.prediction.covariance, 0.25 * np.eye(6))
+        assert closure.overlap_probability == pytest.approx(probability[i * 4 + j])
 
 
 def test_of_equally_alike_pairs_the_one_predicted_nearer_is_proposed() -> None:
@@ -162,14 +170,16 @@ def test_one_place_gives_few_closures_when_told_so() -> None:
     assert (result.pairs_best, result.pairs_suppressed) == (12, 9)
 
 
-@pytest.mark.parametrize(("count", "probability", "expected"), [(60, 0.5, 15), (12, 0.5, 12), (60, np.nan, 60)])
+@pytest.mark.parametrize(
+    ("count", "kind", "expected"),
+    [(60, PredictionKind.POSE, 15), (12, PredictionKind.POSE, 12), (60, PredictionKind.HEADING, 60)],
+)
 def test_one_place_gives_few_closures_where_the_filter_tells_where_it_is(
-    count: int, probability: float, expected: int
+    count: int, kind: PredictionKind, expected: int
 ) -> None:
-    """But all of a short meeting, and all where the filter tells the headings only, or nothing."""
+    """But all of a short meeting, and all where the filter tells the headings only."""
     same, bare = descriptors(count, 0), all_pairs(count, count)
-    told = np.full(len(bare), probability)
-    pairs = CandidatePairs("alpha", "beta", bare.index_a, bare.index_b, told, told, TenMetresApart())
+    pairs = replace(bare, predictor=TenMetresApart(kind))
     chosen = MatchingSettings(max_distance_with_prediction=0.05)
     assert len(match(pairs, same, same, chosen).closures) == expected
 
@@ -185,7 +195,7 @@ def test_a_place_seen_from_another_lane_is_recognised_by_shifted_descriptors() -
     chosen = MatchingSettings(max_distance=1.0)
     plain = match(all_pairs(2, 2), a, b, chosen)
     moved = match(all_pairs(2, 2), a, b, chosen, describe_shifted(alpha, settings, 3.0))
-    distance = [min(c.evidence.scan_context_distance for c in result.closures) for result in (plain, moved)]
+    distance = [min(c.scan_context.distance for c in result.closures if c.scan_context) for result in (plain, moved)]
     assert distance[1] < 0.01 < distance[0]
     assert {(0, 0), (1, 1)} <= {(c.query.index, c.match.index) for c in moved.closures}
     assert describe_shifted(alpha, settings, None) == ()

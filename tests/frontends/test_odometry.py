@@ -1,87 +1,129 @@
+"""What every kind of odometry keeps to; a new one is tested by listing it in `ODOMETRIES`."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from wiclosure import se3
+from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import OdometrySettings
-from wiclosure.frontends.odometry import KissOdometry
-from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.types import FloatArray, Scan
+from wiclosure.frontends.kiss_odometry import KissOdometry
+from wiclosure.frontends.odometry import ODOMETRIES, make_odometry
+from wiclosure.frontends.recorded_odometry import RecordedOdometry
+from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times
+from wiclosure.interfaces import Odometry
+from wiclosure.types import FloatArray, Scan, Trajectory
 
-PERIOD_S = 0.1
 SPEED = np.array([0.0, 0.0, 0.4, 3.0, 0.5, 0.0])  # rad/s about x y z, m/s along x y z
+PERIOD_NS, START_NS = 100_000_000, 10**12
 
 
-def wall_points(seed: int = 0) -> FloatArray:
-    rng = np.random.default_rng(seed)
+def poses_at(stamps_ns: np.ndarray) -> FloatArray:
+    return se3.exp((np.asarray(stamps_ns) - START_NS)[:, None] * 1e-9 * SPEED)
+
+
+TRUTH_NS = START_NS + np.arange(-50, 1550, 5) * 1_000_000
+TRUTH = Trajectory("alpha", TRUTH_NS, poses_at(TRUTH_NS))
+
+
+def walls() -> FloatArray:
+    rng = np.random.default_rng(0)
     points = rng.uniform([-15, -10, -1], [15, 10, 4], (9000, 3))
     side = rng.integers(0, 5, len(points))
     for face, (axis, value) in enumerate(((0, -15), (0, 15), (1, -10), (1, 10), (2, -1))):
         points[side == face, axis] = value
-    boxes = rng.uniform([-12, -8], [12, 8], (12, 2))[rng.integers(0, 12, 2500)] + rng.uniform(-0.4, 0.4, (2500, 2))
-    return np.concatenate([points, np.column_stack([boxes, rng.uniform(-1, 2, 2500)])])
+    return points
 
 
-def sweep(start_s: float, times: FloatArray, points_world: FloatArray) -> FloatArray:
-    """Points as a sensor sees them that moves at constant speed, each at its own time."""
-    T_world_body = se3.exp((start_s + times)[:, None] * SPEED)
-    return se3.transform(se3.inverse(T_world_body), points_world)
+def scans(count: int) -> list[Scan]:
+    """A room as a sensor sees it that moves evenly and measures each point at its own time."""
+    times = np.random.default_rng(1).permutation(np.linspace(0.0, 0.1, len(walls())))
+    found = []
+    for k in range(count):
+        stamp_ns = START_NS + k * PERIOD_NS
+        T_world_body = poses_at(stamp_ns + np.rint(times * 1e9).astype(np.int64))
+        found.append(Scan(stamp_ns, se3.transform(se3.inverse(T_world_body), walls()), times))
+    return found
 
 
-@pytest.mark.parametrize(("first_time_s", "interval_s"), [(0.0, 0.1), (-0.1, 0.1), (-0.05, 0.1), (0.0, 0.2)])
-def test_the_pose_and_the_deskewed_points_belong_to_the_last_point(first_time_s: float, interval_s: float) -> None:
-    """Also in a recording of which every other scan was dropped."""
-    world = wall_points()
-    odometry = KissOdometry(OdometrySettings(voxel_size_m=0.5))
-    times = np.random.default_rng(1).permutation(np.linspace(first_time_s, first_time_s + PERIOD_S, len(world)))
-    errors = []
-    for k in range(12):
-        stamp_ns = round(k * interval_s * 1e9)
-        scan = Scan(stamp_ns, sweep(k * interval_s, times, world), times)
-        pose_ns, _, points = odometry.register(scan)
-        assert pose_ns == stamp_ns + round(times.max() * 1e9)
-        T_world_body = se3.exp(pose_ns * 1e-9 * SPEED)
-        # Range cropping may drop points, none here: rows stay in order.
-        errors.append(np.median(np.linalg.norm(se3.transform(T_world_body, points) - world, axis=1)))
-    assert errors[-1] < 0.02
-    assert errors[-1] < 0.2 * np.median(
-        np.linalg.norm(se3.transform(se3.exp(pose_ns * 1e-9 * SPEED), scan.points) - world, axis=1)
-    )
+@pytest.fixture(params=list(ODOMETRIES))
+def odometry(request: pytest.FixtureRequest) -> Odometry:
+    return ODOMETRIES[request.param](OdometrySettings(voxel_size_m=0.5, min_range_m=2.0, max_range_m=18.0), TRUTH)
 
 
-def test_without_times_the_pose_belongs_to_the_stamp() -> None:
-    odometry = KissOdometry()
-    stamp_ns, T_odom_body, points = odometry.register(Scan(1_700_000_000_123_456_789, wall_points()))
-    assert stamp_ns == 1_700_000_000_123_456_789
-    np.testing.assert_array_equal(T_odom_body, np.eye(4))
-    assert len(points) == len(wall_points())
+def test_it_follows_a_room_and_pose_and_points_belong_to_the_last_point(odometry: Odometry) -> None:
+    found = []
+    for scan in scans(12):
+        assert odometry.covers(scan)
+        stamp_ns, T_odom_body, points = odometry.register(scan)
+        assert stamp_ns == scan.stamp_ns + PERIOD_NS
+        found.append((stamp_ns, T_odom_body))
+    stamps_ns = np.array([stamp_ns for stamp_ns, _ in found])
+    # The first few are followed before there is a motion to deskew by.
+    moved = se3.between(found[3][1], found[-1][1])
+    expected = se3.between(poses_at(stamps_ns[3:4])[0], poses_at(stamps_ns[-1:])[0])
+    assert np.abs(se3.log(se3.between(expected, moved))).max() < 0.1
+    # Deskewed points lie on the walls as they are seen from the last pose; those of the scan itself do not.
+    distances = np.linalg.norm(points, axis=1)
+    within_sweep_m = 0.35  # how far it moves: ranges count where points were measured, or where the sweep ends
+    assert 2.0 - within_sweep_m < distances.min() < distances.max() < 18.0 + within_sweep_m
+    in_world = se3.transform(poses_at(stamps_ns[-1:])[0], points)
+    to_wall = np.abs(in_world[:, :1] - [-15, 15]).min(axis=1)
+    to_wall = np.minimum(to_wall, np.abs(in_world[:, 1:2] - [-10, 10]).min(axis=1))
+    to_wall = np.minimum(to_wall, np.abs(in_world[:, 2] + 1))
+    assert np.quantile(to_wall, 0.95) < 0.05
 
 
-def test_times_that_are_all_alike_do_not_deskew() -> None:
-    odometry = KissOdometry()
-    same = np.full(len(wall_points()), 0.05)
-    assert odometry.register(Scan(0, wall_points(), same))[0] == 0
+def test_thinned_points_are_of_the_last_scan_one_a_voxel(odometry: Odometry) -> None:
+    with pytest.raises(ValueError, match="no scan was registered yet"):
+        _ = odometry.thinned
+    for scan in scans(2):
+        _, _, points = odometry.register(scan)
+        assert odometry.voxel_size_m == 0.5
+        thinned = odometry.thinned
+        assert 0.2 * len(points) < len(thinned) < len(points)
+        nearest = np.array([np.linalg.norm(points - one, axis=1).min() for one in thinned[::50]])
+        assert nearest.max() < 0.25
 
 
-def test_points_beyond_the_ranges_are_not_used() -> None:
-    settings = OdometrySettings(min_range_m=5.0, max_range_m=12.0)
-    odometry = KissOdometry(settings)
-    scan = Scan(0, wall_points())
-    _, _, points = odometry.register(scan)
-    distance = np.linalg.norm(points, axis=1)
-    assert 5.0 < distance.min() < distance.max() < 12.0
-    assert len(points) == odometry.in_range(scan)
+def test_the_voxel_follows_the_surroundings_where_nobody_sets_it() -> None:
+    sizes = []
+    for make in ODOMETRIES.values():
+        odometry = make(OdometrySettings(), TRUTH)
+        assert np.isnan(odometry.voxel_size_m)
+        odometry.register(scans(1)[0])
+        sizes.append(odometry.voxel_size_m)
+    assert sizes == [0.5, 0.5]
 
 
-def test_ranges_the_wrong_way_round_are_refused() -> None:
-    with pytest.raises(ValidationError, match="no point would be left"):
-        OdometrySettings(min_range_m=120.0)
+def test_scans_beyond_a_recorded_trajectory_are_not_covered() -> None:
+    odometry = ODOMETRIES["recorded"](OdometrySettings(), TRUTH)
+    times = np.array([0.0, 0.1])
+    last_ns = int(TRUTH_NS[-1])
+    assert odometry.covers(Scan(last_ns - PERIOD_NS, np.ones((2, 3)), times))
+    assert not odometry.covers(Scan(last_ns - PERIOD_NS + 1, np.ones((2, 3)), times))
+    assert not odometry.covers(Scan(int(TRUTH_NS[0]) - 1, np.ones((2, 3))))
 
 
-@pytest.mark.parametrize(("extent_m", "voxel_m"), [(40.0, 1.0), (200.0, 1.0), (20.0, 0.5), (8.0, 0.25), (1.0, 0.125)])
-def test_voxels_follow_the_extent_of_the_surroundings(extent_m: float, voxel_m: float) -> None:
-    points = np.random.default_rng(0).uniform(-1, 1, (5000, 3))
-    points *= extent_m / np.quantile(np.linalg.norm(points, axis=1), 0.95)
-    assert voxel_size_m(points) == voxel_m
+def test_the_settings_and_what_the_robot_brings_choose() -> None:
+    assert isinstance(make_odometry(OdometrySettings(), TRUTH), RecordedOdometry)
+    assert isinstance(make_odometry(OdometrySettings(source="kiss-icp"), TRUTH), KissOdometry)
+    assert isinstance(make_odometry(OdometrySettings()), KissOdometry)
+    with pytest.raises(ConfigError, match="recorded odometry needs a trajectory"):
+        ODOMETRIES["recorded"](OdometrySettings(), None)
+
+
+def test_every_source_of_the_settings_is_listed() -> None:
+    assert set(ODOMETRIES) == set(OdometrySettings.model_fields["source"].annotation.__args__)  # type: ignore[union-attr]  # a Literal
+
+
+def test_a_sweep_lasts_from_its_first_to_its_last_point() -> None:
+    scan = Scan(1_700_000_000_123_456_789, np.ones((3, 3)), np.array([0.02, -0.05, 0.04]))
+    settings = OdometrySettings()
+    assert (sweep_stamps_ns(scan, settings) - scan.stamp_ns).tolist() == [-50_000_000, 40_000_000]
+    still = OdometrySettings(deskew=False)
+    assert len(sweep_times(scan, still)) == 0
+    assert (sweep_stamps_ns(scan, still) == scan.stamp_ns).all()
+    alike = Scan(5, np.ones((2, 3)), np.array([0.05, 0.05]))
+    assert sweep_stamps_ns(alike, settings).tolist() == [5, 5]

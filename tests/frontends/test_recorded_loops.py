@@ -15,7 +15,17 @@ from wiclosure.frontends.config import RegistrationSettings, ScanContextSettings
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
-from wiclosure.types import Closure, Decision, Evidence, Float32Array, FloatArray, KeyframeId, Scan
+from wiclosure.types import (
+    Closure,
+    Float32Array,
+    FloatArray,
+    KeyframeId,
+    Prediction,
+    PredictionKind,
+    Scan,
+    ScanContextMatch,
+    Stage,
+)
 
 LOOPS = {"05": (540, 1319), "08": (720, 1500)}
 SEED = np.diag(np.square([0.03, 0.03, np.radians(10), 2.0, 2.0, 0.5]))
@@ -57,9 +67,23 @@ def true_relative_pose(data_dir: Path, sequence: str) -> FloatArray:
     return se3.between(poses[0] @ T_camera_lidar, poses[1] @ T_camera_lidar)
 
 
-def proposed(query: tuple[str, int], match: tuple[str, int], yaw_rad: float = float("nan")) -> Closure:
-    names = (KeyframeId(query[0], query[1]), KeyframeId(match[0], match[1]))
-    return Closure(*names, np.eye(4), np.eye(6), Evidence(scan_context_yaw=yaw_rad), Decision.PROPOSED)
+def proposed(
+    query: tuple[str, int],
+    match: tuple[str, int],
+    prediction: tuple[FloatArray, FloatArray] | None = None,
+    yaw_rad: float | None = None,
+) -> Closure:
+    return Closure(
+        KeyframeId(*query),
+        KeyframeId(*match),
+        prediction=None if prediction is None else Prediction(*prediction, PredictionKind.POSE),
+        scan_context=None if yaw_rad is None else ScanContextMatch(0.2, yaw_rad),
+    )
+
+
+def measured_pose(closure: Closure) -> FloatArray:
+    assert closure.measured is not None, closure.reason
+    return closure.measured.T_query_match
 
 
 def test_scan_context_recognises_the_reverse_loop_among_unrelated_scans(
@@ -82,16 +106,16 @@ def test_loops_are_registered_from_a_seed_two_metres_and_ten_degrees_off(
     query, match = ((sequence, frame) for frame in LOOPS[sequence])
     truth = true_relative_pose(data_dir, sequence)
     tight = np.diag(np.square([0.03, 0.03, 0.03, 1.5, 1.5, 0.5]))
-    reference = registration.verify(proposed(query, match), clouds[query], clouds[match], (truth, tight))
-    gap = se3.between(truth, reference.T_query_match)
+    reference = registration.verify(proposed(query, match, (truth, tight)), clouds[query], clouds[match])
+    gap = se3.between(truth, measured_pose(reference))
     assert np.linalg.norm(gap[:3, 3]) < 1.5  # ground truth of 08 is 1.2 m off here
     assert np.degrees(se3.rotation_angle(gap)) < 1.0
     for direction in np.arange(0, 2 * np.pi, np.pi / 2):
         off = se3.from_yaw(np.radians(10), 2.0 * np.array([np.cos(direction), np.sin(direction), 0.0]))
-        seed = (reference.T_query_match @ off, SEED)
-        found = registration.verify(proposed(query, match), clouds[query], clouds[match], seed)
-        assert found.decision is Decision.VERIFIED, found.reason
-        gap = se3.between(reference.T_query_match, found.T_query_match)
+        seed = (measured_pose(reference) @ off, SEED)
+        found = registration.verify(proposed(query, match, seed), clouds[query], clouds[match])
+        assert found.live, found.reason
+        gap = se3.between(measured_pose(reference), measured_pose(found))
         assert np.linalg.norm(gap[:3, 3]) < 0.3
         assert np.degrees(se3.rotation_angle(gap)) < 1.0
 
@@ -101,9 +125,9 @@ def test_scans_of_different_places_are_refused(
     predicted: bool, clouds: dict[tuple[str, int], Float32Array], registration: Registration
 ) -> None:
     for query, match in ((("05", 540), ("08", 720)), (("08", 1500), ("05", 1319))):
-        prior = (np.eye(4), SEED) if predicted else None
-        refused = registration.verify(proposed(query, match, 0.3), clouds[query], clouds[match], prior)
-        assert refused.decision is Decision.REJECTED
+        prediction = (np.eye(4), SEED) if predicted else None
+        refused = registration.verify(proposed(query, match, prediction, 0.3), clouds[query], clouds[match])
+        assert refused.rejected_at is Stage.REGISTRATION
         assert "structure matches" in refused.reason
 
 
@@ -117,16 +141,16 @@ def test_loops_are_found_without_any_prediction(
     for sequence, frames in LOOPS.items():
         query, match = ((sequence, frame) for frame in frames)
         found = registration.verify(proposed(query, match), clouds[query], clouds[match])
-        assert found.decision is Decision.VERIFIED, found.reason
-        gap = se3.between(true_relative_pose(data_dir, sequence), found.T_query_match)
+        assert found.live, found.reason
+        gap = se3.between(true_relative_pose(data_dir, sequence), measured_pose(found))
         assert np.linalg.norm(gap[:3, 3]) < 1.5
         assert np.degrees(se3.rotation_angle(gap)) < 1.5
         again = registration.verify(proposed(query, match), clouds[query], clouds[match])
         # KISS-Matcher's threads add up in another order each time.
         tolerance = 0.0 if start == "scan-context" else 0.02
-        np.testing.assert_allclose(again.T_query_match, found.T_query_match, rtol=0, atol=tolerance)
+        np.testing.assert_allclose(measured_pose(again), measured_pose(found), rtol=0, atol=tolerance)
     unrelated = registration.verify(proposed(("05", 540), ("08", 720)), clouds["05", 540], clouds["08", 720])
-    assert unrelated.decision is Decision.REJECTED
+    assert unrelated.rejected_at is Stage.REGISTRATION
 
 
 def test_kiss_matcher_missing_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,4 +162,4 @@ def test_kiss_matcher_missing_is_one_clear_error(monkeypatch: pytest.MonkeyPatch
 def test_two_ends_of_one_street_are_refused(kitti_drive: Drive, registration: Registration) -> None:
     query, match = (thinned(kitti_drive[index].points, 0.5) for index in (0, 150))
     refused = registration.verify(proposed(("drive", 0), ("drive", 150)), query, match)
-    assert refused.decision is Decision.REJECTED
+    assert refused.rejected_at is Stage.REGISTRATION

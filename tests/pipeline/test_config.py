@@ -6,7 +6,8 @@ import pytest
 import yaml
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.config import Config, dump_config, load_config, preset_names
+from wiclosure.pipeline.config import Config, dump_config, load_config
+from wiclosure.pipeline.presets import preset_names
 
 
 def test_defaults() -> None:

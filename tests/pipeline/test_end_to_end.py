@@ -14,10 +14,9 @@ import pytest
 
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
-from wiclosure.frontends.config import FrontEndSettings
-from wiclosure.frontends.front_end import FrontEnd
+from wiclosure.frontends.config import KeyframeSettings, OdometrySettings
+from wiclosure.frontends.front_end import OdometryRun
 from wiclosure.interfaces import ScanSource
-from wiclosure.pipeline.data.dataset import Dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
@@ -34,10 +33,10 @@ START_TOGETHER_NS = -6_000_000_000
 @pytest.fixture(scope="module")
 def reference(kitti_drive: ScanSource) -> Trajectory:
     """KISS-ICP's own estimate over the whole drive."""
-    front_end = FrontEnd(FrontEndSettings(), "whole")
-    for scan in kitti_drive:
-        front_end.process(scan)
-    return front_end.result().odometry
+    run = OdometryRun(OdometrySettings(), [KeyframeSettings()], "whole")
+    run.process_all(kitti_drive)
+    (found,) = run.results()
+    return Trajectory("whole", found.stamps_ns, found.poses)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def dataset(kitti_drive: ScanSource, reference: Trajectory, tmp_path_factory: py
         "alpha": RobotRecording(folder / "alpha", ground_truth=folder / "alpha_gt.tum"),
         "beta": RobotRecording(folder / "beta", ground_truth=folder / "beta_gt.tum"),
     }
-    write_dataset(folder / "dataset.yaml", Dataset(robots))
+    write_dataset(folder / "dataset.yaml", robots)
     return folder / "dataset.yaml"
 
 

@@ -21,7 +21,7 @@ def test_the_python_example_runs() -> None:
         exec(compile(block, "docs/simulation.md", "exec"), {})
 
 
-@pytest.mark.parametrize("word", sorted(set(re.findall(r"scenario:[\w-]+[^\s`]*", TEXT)) - {"scenario:NAME"}))
+@pytest.mark.parametrize("word", sorted(set(re.findall(r'scenario:[\w-]+[^\s`"]*', TEXT)) - {"scenario:NAME"}))
 def test_worlds_of_the_examples_can_be_made(word: str) -> None:
     name, settings = read_scenario_word(word)
     assert name in SCENARIOS

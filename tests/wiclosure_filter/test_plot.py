@@ -41,7 +41,8 @@ def two_robots(count: int) -> tuple[dict[str, Trajectory], WirelessLog]:
 def test_joined_robots(tmp_path: Path) -> None:
     team, wireless = two_robots(12)
     result = WiClosureFilter(SETTINGS).candidates(team, wireless)
-    figure = draw_pair(result.pairs[0], result.alignments[0], team, wireless, SETTINGS)
+    links = WiClosureFilter(SETTINGS).gather(team, wireless).by_pair["alpha", "b/eta"]
+    figure = draw_pair(result.pairs[0], result.alignments[0], team, links, SETTINGS.gate)
     titles = [axes.get_title() for axes in figure.axes]
     assert any("90 % of b/eta" in title for title in titles)
     assert sum("overlap search, step" in title for title in titles) == 4

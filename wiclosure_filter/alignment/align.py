@@ -1,132 +1,93 @@
-"""From what two robots heard of each other to how their odometry frames lie, or the honest answer "I cannot tell"."""
+"""How the odometry frames of two robots lie, from their links; or a sentence on why the links do not tell."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.types import (
-    AlignmentHypothesis,
-    FloatArray,
-    FrameAlignment,
-    IntArray,
-    Trajectory,
-    WirelessLog,
-)
-from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, judge
+from wiclosure.types import AlignmentHypothesis, FloatArray, FrameAlignment, IntArray, Trajectory
+from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.alignment.mixture import Explanation
-from wiclosure.wiclosure_filter.alignment.observations import Observations
+from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
-from wiclosure.wiclosure_filter.alignment.refinement import explained
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
+from wiclosure.wiclosure_filter.alignment.residuals import explained
 from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
-from wiclosure.wiclosure_filter.links.gathering import links_between
+from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
 from wiclosure.wiclosure_filter.links.links import Links
 
-_Method = Callable[
-    [Observations, str, IntArray, tuple[Trajectory, Trajectory], AlignmentSettings], AnchoredPeaks | None
-]
-_LEVEL_SIGMA_RAD = 0.01  # gravity-aligned frames agree on the vertical, nearly
-
-_METHODS: Mapping[str, _Method] = {"consensus": consensus, "pcm": pairwise_consistency}
 _NOTHING_FOUND = {
     "consensus": "no two measurements allow an alignment ({knowledge})",
     "pcm": "pairwise consistency needs ranges, bearings and relative headings ({knowledge}); use multipath: consensus",
 }
 
 
-def align(
-    robot_a: str,
-    robot_b: str,
-    trajectories: Mapping[str, Trajectory],
-    wireless: WirelessLog,
-    settings: AlignmentSettings,
-) -> FrameAlignment:
+def align(links: Links, trajectories: Mapping[str, Trajectory], settings: AlignmentSettings) -> FrameAlignment:
     """Aligns the odometry frames of two robots.
 
     Args:
-        robot_a: name in `trajectories`.
-        robot_b: another.
+        links: all that they measured of each other; `paths_kept` of the result refers to the log they come from.
         trajectories: odometry of each robot in its own frame.
-        wireless: the whole log; `paths_kept` of the result refers to its measurements.
-        settings: what is believed of the radio, how hard to search, when to refuse.
+        settings: what is assumed of the radio, how hard to search, when to refuse.
     """
-    links = links_between(robot_a, robot_b, trajectories, wireless, settings).thinned(settings.max_measurements)
+    links = links.thinned(settings.max_measurements)
     if len(links) == 0:
         return _unknown(links, "no measurement between the robots")
-    observations = Observations.of(links, settings)
-    partner = reciprocal_partners(links, settings.reciprocal_tolerance_s)
-    knowledge = heading_knowledge(links, partner, settings)
-    both = (trajectories[robot_a], trajectories[robot_b])
-    reject_multipath = _METHODS[settings.multipath]
-    found = reject_multipath(observations, knowledge, partner, both, settings)
+    problem = AlignmentProblem.of(links, trajectories, settings)
+    knowledge = problem.heading_knowledge
+    if settings.multipath == "pcm":
+        found = pairwise_consistency(
+            problem, settings.pcm_confidence, max_links=settings.max_pcm_links, height_ratio=settings.height_ratio
+        )
+    else:
+        found = consensus(problem, settings.proposals)
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
-    settle = _settled_level if settings.gravity_aligned else _settled_in_space
-    best, covariance, others, verdict = settle(found, links, both, settings)
+    if settings.gravity_aligned:
+        chosen = _level(found, links, problem.odometry, settings.guard)
+    else:
+        chosen = _in_space(found, links, settings.tilt_sigma_rad, settings.guard)
     return FrameAlignment(
-        robot_a=robot_a,
-        robot_b=robot_b,
-        best=best,
-        covariance=covariance,
-        ambiguous=verdict.ambiguous,
-        reason="; ".join((verdict.reason, *links.left_out)),
-        runner_up=others[0] if others else None,
+        robot_a=links.robot_a,
+        robot_b=links.robot_b,
+        best=chosen.best,
+        covariance=chosen.covariance,
+        ambiguous=chosen.verdict.ambiguous,
+        reason="; ".join((chosen.verdict.reason, *links.left_out)),
+        runner_up=chosen.others[0] if chosen.others else None,
         heading_knowledge=knowledge,
-        rivals=others if verdict.rivals else (),
+        rivals=chosen.others if chosen.verdict.alternatives else (),
     )
 
 
-def heading_knowledge(links: Links, partner: IntArray, settings: AlignmentSettings) -> str:
-    """What tells the relative yaw: the strongest source that the log holds, or the one asked for."""
-    if settings.heading != "auto":
-        return settings.heading
-    if np.isfinite(links.yaw).any():
-        return "heading"
-    if (partner >= 0).any():
-        return "reciprocal"
-    return "one-way" if links.has_bearing.any() else "range-only"
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """Best alignment, its covariance `(6, 6)`, different ones, the best first, and whether it is certain."""
+
+    best: AlignmentHypothesis
+    covariance: FloatArray
+    others: tuple[AlignmentHypothesis, ...]
+    verdict: Verdict
 
 
-def reciprocal_partners(links: Links, tolerance_s: float) -> IntArray:
-    """`(M,)` for each bearing, the bearing the other way nearest in time; -1 where there is none within tolerance."""
-    partner = np.full(len(links), -1)
-    here, there = (np.flatnonzero(links.has_bearing & (links.a_receives == way)) for way in (True, False))
-    if len(here) == 0 or len(there) == 0:
-        return partner
-    apart = np.abs(links.stamp_a_ns[here][:, None] - links.stamp_a_ns[there][None, :])
-    for rows, others, gap in ((here, there, apart), (there, here, apart.T)):
-        nearest = np.argmin(gap, axis=1)
-        close = gap[np.arange(len(rows)), nearest] <= tolerance_s * 1e9
-        partner[rows[close]] = others[nearest[close]]
-    return partner
-
-
-_Settled = tuple[AlignmentHypothesis, FloatArray, tuple[AlignmentHypothesis, ...], Verdict]
-
-
-def _settled_level(
-    found: AnchoredPeaks, links: Links, trajectories: tuple[Trajectory, Trajectory], settings: AlignmentSettings
-) -> _Settled:
-    """Best alignment, its covariance, different ones, the best first, and the guard's verdict, between level frames."""
-    verdict = judge(found.peaks, found.mixture, found.prior, settings)
-    best, covariance = _followed(found, verdict.best, links, trajectories, settings, verdict.covariance)
-    others = tuple(
-        _followed(found, row, links, trajectories, settings, verdict.covariance)[0] for row in verdict.others
+def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings) -> _Chosen:
+    """Between level frames."""
+    verdict = assess(found.peaks, found.mixture, found.prior, guard)
+    best, *others = (
+        _followed(found, row, links, odometry, verdict.covariance) for row in (verdict.best, *verdict.others)
     )
-    return best, covariance, others, verdict
+    return _Chosen(*best, tuple(hypothesis for hypothesis, _ in others), verdict)
 
 
-def _settled_in_space(
-    found: AnchoredPeaks, links: Links, _: tuple[Trajectory, Trajectory], settings: AlignmentSettings
-) -> _Settled:
-    """The same over all of SE(3)."""
-    peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, settings)
-    verdict = judge(peaks.level, found.mixture, found.prior, settings, peaks.explanation)
+def _in_space(found: AnchoredPeaks, links: Links, tilt_sigma_rad: float, guard: AmbiguitySettings) -> _Chosen:
+    """Over all of SE(3)."""
+    peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, tilt_sigma_rad)
+    verdict = assess(peaks.level, found.mixture, found.prior, guard, peaks.explanation)
     counted = found.mixture.observations.independence
     best, *others = (
         AlignmentHypothesis(
@@ -136,23 +97,18 @@ def _settled_in_space(
         )
         for row in (verdict.best, *verdict.others)
     )
-    return best, peaks.covariance[verdict.best], tuple(others), verdict
+    return _Chosen(best, peaks.covariance[verdict.best], tuple(others), verdict)
 
 
 def _followed(
-    found: AnchoredPeaks,
-    row: int,
-    links: Links,
-    trajectories: tuple[Trajectory, Trajectory],
-    settings: AlignmentSettings,
-    covariance: FloatArray,
+    found: AnchoredPeaks, row: int, links: Links, odometry: PairOdometry, covariance: FloatArray
 ) -> tuple[AlignmentHypothesis, FloatArray]:
     """A peak, followed through the drift of both robots where that matters, and its covariance `(6, 6)`."""
     observations = found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
     if found.chosen is None and drift_matters(found.drift, observations):
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
-            frames = follow_drift(state, found.mixture, found.drift, found.prior, trajectories, settings)
+            frames = follow_drift(state, found.mixture, found.drift, found.prior, odometry)
             state, explanation, covariance = frames.state, frames.explanation, frames.covariance
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
@@ -178,7 +134,7 @@ def tangent_covariance(state: FloatArray, covariance: FloatArray, observations: 
     to_tangent[2, 0] = 1.0
     to_tangent[3:, 0] = -np.cross([0.0, 0.0, 1.0], observations.centre_b)
     to_tangent[3:, 1:] = T_a_b[:3, :3].T
-    level = np.diag([_LEVEL_SIGMA_RAD**2, _LEVEL_SIGMA_RAD**2, 0.0, 0.0, 0.0, 0.0])
+    level = np.diag([LEVEL_SIGMA_RAD**2, LEVEL_SIGMA_RAD**2, 0.0, 0.0, 0.0, 0.0])
     return np.asarray(to_tangent @ covariance @ to_tangent.T + level)
 
 

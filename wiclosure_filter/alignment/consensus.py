@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment import proposals
 from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations, drift_from
+from wiclosure.wiclosure_filter.alignment.observations import Observations
+from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, climb, displacement_m
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, climb, displacement_m, first_distinct
 
 _ANCHORS = 4
 _QUICK_LOOK = 20  # measurements in the first scoring
@@ -35,7 +35,7 @@ class AnchoredPeaks:
         peaks: N peaks.
         mixture: likelihood of the measurements.
         prior: what was known before.
-        drift: standard deviations `(M,)` that the mixture allows for, see `observations.drift_from`.
+        drift: standard deviations `(M,)` that the mixture allows for, see `PairOdometry.drift_from`.
         chosen: `(M,)` for each peak, the path kept of each measurement or -1, where the method decides that itself.
     """
 
@@ -46,32 +46,21 @@ class AnchoredPeaks:
     chosen: tuple[IntArray, ...] | None = None
 
 
-def consensus(
-    observations: Observations,
-    knowledge: str,
-    partner: IntArray,
-    trajectories: tuple[Trajectory, Trajectory],
-    settings: AlignmentSettings,
-) -> AnchoredPeaks | None:
+def consensus(problem: AlignmentProblem, proposals_at_most: int) -> AnchoredPeaks | None:
     """The peaks of the posterior over frame transforms; None where no proposal can be made.
 
     Args:
-        observations: the measurements.
-        knowledge: `heading`, `reciprocal`, `one-way` or `range-only`.
-        partner: `(M,)` the measurement the other way at about the same time, or -1.
-        trajectories: of a and b.
-        settings: how hard to search.
+        problem: measurements, odometry and priors of two robots.
+        proposals_at_most: frame transforms that are scored.
     """
-    prior = Prior.of(observations, settings, knowledge == "heading")
     found: list[AnchoredPeaks] = []
-    anchors = _anchors(observations)
+    anchors = _anchors(problem.observations)
     for anchor, rows in anchors:
-        states = _proposed(observations, knowledge, partner, rows, prior, settings.proposals // len(anchors))
+        states = _proposed(problem, rows, proposals_at_most // len(anchors))
         if len(states):
-            drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
-            mixture = Mixture.of(observations, settings.radio, drift)
-            peaks = climb(_promising(states, mixture, prior), mixture, prior)
-            found.append(AnchoredPeaks(peaks.distinct(observations), mixture, prior, drift))
+            mixture, drift = problem.anchored_at(anchor)
+            peaks = climb(_promising(states, mixture, problem.prior), mixture, problem.prior)
+            found.append(AnchoredPeaks(peaks.distinct(problem.observations), mixture, problem.prior, drift))
     return _joined(found)
 
 
@@ -92,25 +81,19 @@ def _anchors(observations: Observations) -> list[tuple[int, IntArray]]:
     return [(int(group[len(group) // 2]), group) for group in groups]
 
 
-def _proposed(
-    observations: Observations, knowledge: str, partner: IntArray, rows: IntArray, prior: Prior, limit: int
-) -> FloatArray:
+def _proposed(problem: AlignmentProblem, rows: IntArray, limit: int) -> FloatArray:
     """Every kind of proposal that the measurements allow, `(N, 4)`."""
+    observations, prior = problem.observations, problem.prior
     points = Correspondences.of(observations)
     ranged, directed = np.isfinite(observations.range_m), observations.has_bearing
-    if knowledge == "heading":
-        known = np.array([prior.yaw + step * prior.yaw_sigma for step in (-1.0, 0.0, 1.0)])
-        kinds = [
-            proposals.from_known_yaw(
-                points, np.full(len(points.row), prior.yaw), np.full(len(points.row), prior.yaw_sigma)
-            )
-        ]
-        yaws = known
+    if problem.heading_knowledge == "heading":
+        kinds = [proposals.from_known_yaw(points, prior.yaw, prior.yaw_sigma)]
+        yaws = np.array([prior.yaw + step * prior.yaw_sigma for step in (-1.0, 0.0, 1.0)])
     else:
         kinds = [proposals.from_pairs(points, rows, limit)]
         yaws = proposals.yaw_grid()
-    if knowledge == "reciprocal":
-        kinds.append(proposals.from_reciprocal(points, observations, partner, limit))
+    if problem.heading_knowledge == "reciprocal":
+        kinds.append(proposals.from_reciprocal(points, observations, problem.partner, limit))
     if len(points.row) == 0 and directed.any():
         kinds.append(proposals.from_rays(observations, rows, yaws, 2 * limit))
     if ranged.any() and not (directed & ranged).any():
@@ -119,7 +102,7 @@ def _proposed(
 
 
 def _promising(states: FloatArray, mixture: Mixture, prior: Prior) -> FloatArray:
-    """The proposals worth refining: scored on some measurements first, the best of them on all."""
+    """The most likely proposals: scored on some measurements first, the best of them on all."""
     count = len(mixture.observations)
     climbers = max(8, min(_CLIMBERS, _CLIMBER_ROWS // count))
     if count > 2 * _QUICK_LOOK and len(states) > 10 * climbers:
@@ -127,15 +110,10 @@ def _promising(states: FloatArray, mixture: Mixture, prior: Prior) -> FloatArray
         quick = mixture.subset(some).log_likelihood(states) + prior.log_density(states)
         states = states[np.argsort(-quick, kind="stable")[: 10 * climbers]]
     score = mixture.log_likelihood(states) + prior.log_density(states)
-    return _apart(states[np.argsort(-score, kind="stable")], mixture.observations, climbers)
-
-
-def _apart(states: FloatArray, observations: Observations, limit: int) -> FloatArray:
-    """The first `limit` states of which no two are nearly the same."""
-    states = states[: 20 * limit]
-    free = np.ones(len(states), bool)
-    kept: list[int] = []
-    while free.any() and len(kept) < limit:
-        kept.append(int(np.argmax(free)))
-        free &= displacement_m(states, states[kept[-1]], observations) > _APART_M
-    return states[kept]
+    states = states[np.argsort(-score, kind="stable")][: 20 * climbers]
+    observations = mixture.observations
+    return states[
+        first_distinct(
+            len(states), lambda row: displacement_m(states, states[row], observations), _APART_M, limit=climbers
+        )
+    ]

@@ -16,11 +16,12 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.observations import Observations
-from wiclosure.wiclosure_filter.alignment.refinement import Prior, displacements_in_a, residual_rows, seen_by_receiver
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
+from wiclosure.wiclosure_filter.alignment.refinement import Prior
+from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, residual_rows, seen_by_receiver
 
 _EXCUSES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0, 0.0, 0.0, 0.0)  # of the rigid transform's drift, step by step
 _FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
@@ -53,18 +54,16 @@ def follow_drift(
     rigid: Mixture,
     drift: tuple[FloatArray, FloatArray],
     prior: Prior,
-    trajectories: tuple[Trajectory, Trajectory],
-    settings: AlignmentSettings,
+    odometry: PairOdometry,
 ) -> DriftingFrames:
     """Lets a rigid transform follow the drift of both robots.
 
     Args:
         state: `(4,)` the rigid transform.
         rigid: the mixture that it was found with.
-        drift: what that mixture allowed for, `observations.drift_from`.
+        drift: what that mixture allowed for, `PairOdometry.drift_from`.
         prior: on yaw and height.
-        trajectories: of a and b.
-        settings: drift inflation, radio.
+        odometry: of a and b.
     """
     observations = rigid.observations
     order = np.argsort(observations.stamp_ns, kind="stable")
@@ -72,13 +71,13 @@ def follow_drift(
     excused = (drift[0][order], drift[1][order])
     yaw = np.full(len(links), state[0])
     w = displacements_in_a(state[None], links)[1][0]
-    mixture = Mixture.of(links, settings.radio)
+    mixture = Mixture.of(links, rigid.radio)
     for excuse in _EXCUSES:
         if excuse > 0:
-            mixture_now = Mixture.of(links, settings.radio, (excuse * excused[0], excuse * excused[1]))
+            mixture_now = Mixture.of(links, rigid.radio, (excuse * excused[0], excuse * excused[1]))
         else:
             mixture_now = mixture
-        system = _system(yaw, w, mixture_now, prior, trajectories, settings.drift_inflation)
+        system = _system(yaw, w, mixture_now, prior, odometry)
         step = system.solved().reshape(-1, 4)
         shrink = max(np.abs(step[:, 0]).max() / _MAX_STEP_RAD, np.abs(step[:, 1:]).max() / _MAX_STEP_M, 1.0)
         yaw, w = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink
@@ -98,7 +97,7 @@ def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observatio
 
 
 @dataclass(frozen=True, eq=False)
-class _BandedSystem:
+class BandedSystem:
     """Symmetric normal equations of M blocks of 4, each coupled with the next.
 
     Args:
@@ -134,15 +133,22 @@ class _BandedSystem:
         return bands
 
 
-def _system(
-    yaw: FloatArray,
-    w: FloatArray,
-    mixture: Mixture,
-    prior: Prior,
-    trajectories: tuple[Trajectory, Trajectory],
-    inflation: float,
-) -> _BandedSystem:
+def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odometry: PairOdometry) -> BandedSystem:
     """Linearises measurements, prior and odometry at the current chain."""
+    observations = mixture.observations
+    diagonal, gradient = _measured(yaw, w, mixture, prior)
+    error, back = _steps(yaw, w, observations)
+    information = np.linalg.inv(_step_covariance(yaw, w, observations, odometry))
+    coupling = np.swapaxes(back, 1, 2) @ information
+    diagonal[:-1] += coupling @ back
+    diagonal[1:] += information
+    gradient[:-1] -= np.einsum("mij,mj->mi", coupling, error)
+    gradient[1:] -= np.einsum("mij,mj->mi", information, error)
+    return BandedSystem(diagonal, coupling, gradient)
+
+
+def _measured(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Information `(M, 4, 4)` and gradient `(M, 4)` of measurements and prior."""
     observations = mixture.observations
     rows = residual_rows(w[None], yaw[None], mixture)
     jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
@@ -158,48 +164,38 @@ def _system(
         diagonal[:, 0, 0] += information
         gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - yaw)
     diagonal += 1e-6 * np.eye(4)  # what nothing is known of still has a solution
+    return diagonal, gradient
 
+
+def _steps(yaw: FloatArray, w: FloatArray, observations: Observations) -> tuple[FloatArray, FloatArray]:
+    """By how much each step is not what odometry tells `(M - 1, 4)`, and its derivative by the step's start."""
     moved_b = np.diff(observations.b, axis=0)
     cosine, sine = np.cos(yaw[:-1]), np.sin(yaw[:-1])
     turned = np.column_stack(
         [cosine * moved_b[:, 0] - sine * moved_b[:, 1], sine * moved_b[:, 0] + cosine * moved_b[:, 1], moved_b[:, 2]]
     )
     error = np.column_stack([np.diff(yaw), np.diff(w, axis=0) - turned + np.diff(observations.a, axis=0)])
-    back = np.tile(-np.eye(4), (count - 1, 1, 1))
+    back = np.tile(-np.eye(4), (len(w) - 1, 1, 1))
     back[:, 1, 0], back[:, 2, 0] = turned[:, 1], -turned[:, 0]
-    information = np.linalg.inv(_step_covariance(yaw, w, observations, trajectories, inflation))
-    carried = np.swapaxes(back, 1, 2) @ information
-    diagonal[:-1] += carried @ back
-    diagonal[1:] += information
-    gradient[:-1] -= np.einsum("mij,mj->mi", carried, error)
-    gradient[1:] -= np.einsum("mij,mj->mi", information, error)
-    return _BandedSystem(diagonal, carried, gradient)
+    return error, back
 
 
-def _step_covariance(
-    yaw: FloatArray,
-    w: FloatArray,
-    observations: Observations,
-    trajectories: tuple[Trajectory, Trajectory],
-    inflation: float,
-) -> FloatArray:
-    """`(M - 1, 4, 4)` covariance of what odometry says of each step of (yaw, w): drift of a and of b."""
+def _step_covariance(yaw: FloatArray, w: FloatArray, observations: Observations, odometry: PairOdometry) -> FloatArray:
+    """`(M - 1, 4, 4)` covariance of each step of (yaw, w) by odometry: drift of a and of b."""
     total = np.tile(np.diag([_FLOOR_RAD**2, _FLOOR_M**2, _FLOOR_M**2, _FLOOR_M**2]), (len(w) - 1, 1, 1))
-    turn = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3]
-    for robot, (trajectory, index) in enumerate(
-        zip(trajectories, (observations.index_a, observations.index_b), strict=True)
-    ):
-        R_odom_body = trajectory.poses[index[1:], :3, :3]
-        effect = np.zeros((len(w) - 1, 4, 6))
-        if robot == 0:  # a's heading error turns all that a sees about a; its position error shifts it
-            effect[:, 0, :3] = -R_odom_body[:, 2]
-            effect[:, 1:, :3] = se3.skew(w[1:]) @ R_odom_body
-            effect[:, 1:, 3:] = -R_odom_body
-        else:
-            effect[:, 0, :3] = R_odom_body[:, 2]
-            effect[:, 1:, 3:] = turn @ R_odom_body
-        total += se3.rotate_covariance(effect, inflation**2 * trajectory.relative_covariance(index[:-1], index[1:]))
-    return total
+    index_a, index_b = observations.index_a, observations.index_b
+    # a's heading error turns all that a sees about a; its position error shifts it
+    R_odom_body = odometry.a.poses[index_a[1:], :3, :3]
+    of_a = np.zeros((len(w) - 1, 4, 6))
+    of_a[:, 0, :3] = -R_odom_body[:, 2]
+    of_a[:, 1:, :3] = se3.skew(w[1:]) @ R_odom_body
+    of_a[:, 1:, 3:] = -R_odom_body
+    total += se3.rotate_covariance(of_a, odometry.covariance_a(index_a[:-1], index_a[1:]))
+    R_odom_body = odometry.b.poses[index_b[1:], :3, :3]
+    of_b = np.zeros((len(w) - 1, 4, 6))
+    of_b[:, 0, :3] = R_odom_body[:, 2]
+    of_b[:, 1:, 3:] = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3] @ R_odom_body
+    return total + se3.rotate_covariance(of_b, odometry.covariance_b(index_b[:-1], index_b[1:]))
 
 
 def _frame_transform(
@@ -209,5 +205,6 @@ def _frame_transform(
     turned = se3.transform(se3.from_yaw(yaw, np.zeros(3)), b)
     by_local = np.eye(4)
     by_local[1, 0], by_local[2, 0] = turned[1], -turned[0]
-    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
-    return np.concatenate([[yaw], w + a - turned]), se3.rotate_covariance(by_local, covariance)
+    return np.concatenate([[se3.wrap_angle(np.asarray(yaw))], w + a - turned]), se3.rotate_covariance(
+        by_local, covariance
+    )

@@ -18,7 +18,7 @@ import numpy as np
 
 from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.observations import Observations
-from wiclosure.wiclosure_filter.alignment.settings import RadioSettings
+from wiclosure.wiclosure_filter.config import RadioModel
 
 MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild
 _CHUNK = 400_000  # proposals x measurements x paths at a time: stays in the processor's cache
@@ -30,26 +30,25 @@ class Mixture:
 
     Args:
         observations: the measurements.
-        radio: what is believed of the radio.
+        radio: what is assumed of the radio.
         kappa: `(M, K)` concentration of each path, drift included.
         range_variance: `(M,)` m^2, drift included; infinite without a range.
         tells_height: whether the robots' difference in height is estimated at all.
     """
 
     observations: Observations
-    radio: RadioSettings
+    radio: RadioModel
     kappa: FloatArray
     range_variance: FloatArray
     tells_height: bool
 
     @classmethod
     def of(
-        cls, observations: Observations, radio: RadioSettings, drift: tuple[FloatArray, FloatArray] | None = None
+        cls, observations: Observations, radio: RadioModel, drift: tuple[FloatArray, FloatArray] | None = None
     ) -> Mixture:
-        """The mixture at given drift (`observations.drift_from`), or without any."""
+        """The mixture at given drift (`PairOdometry.drift_from`), or without any."""
         position, yaw = drift if drift is not None else (np.zeros(len(observations)), np.zeros(len(observations)))
-        distance = np.where(np.isfinite(observations.near_range_m), observations.near_range_m, 30.0)
-        bearing_drift = yaw**2 + (position / np.maximum(distance, 1.0)) ** 2
+        bearing_drift = yaw**2 + (position / np.maximum(observations.distance_m, 1.0)) ** 2
         kappa = 1.0 / (observations.sigma**2 + bearing_drift[:, None])
         variance = np.where(np.isfinite(observations.range_m), observations.range_sigma_m**2 + position**2, np.inf)
         return cls(observations, radio, kappa, variance, observations.tells_height)
@@ -140,7 +139,8 @@ class Explanation:
     Args:
         log_likelihood: `(N, M)`.
         path: `(N, M, K)` probability that each path is the direct one; the rest to 1 is "none of them".
-        in_sight, obstructed: `(N, M)` probability of the range's two honest explanations; the rest is a gross error.
+        in_sight, obstructed: `(N, M)` probability that the range is direct, or went through an obstacle; the rest is a
+            gross error.
     """
 
     log_likelihood: FloatArray

@@ -12,10 +12,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.types import BoolArray, FloatArray, IntArray
+from wiclosure.wiclosure_filter.config import RadioModel
 from wiclosure.wiclosure_filter.links.links import Links
 
+LEVEL_SIGMA_RAD = 0.01  # rad, gravity-aligned frames agree on the vertical, nearly
+_UNKNOWN_DISTANCE_M = 30.0  # of antennas that were not ranged, where errors across a bearing are weighed
 _LEAST_SIGMA_M, _LEAST_SIGMA_RAD = 0.01, 0.002  # no radio or compass is better, whatever the log says
 _CLIMBING = 0.2  # height over distance from which ranges tell heights; below, they tell as little as a mirror
 
@@ -66,14 +68,14 @@ class Observations:
         return len(self.a)
 
     @classmethod
-    def of(cls, links: Links, settings: AlignmentSettings) -> Observations:
+    def of(cls, links: Links, radio: RadioModel) -> Observations:
         """Centres and flattens the links; M must be at least 1."""
         flat = ~np.isfinite(links.elevation)
         direction = links.direction
         direction[..., 2] = np.where(flat, 0.0, direction[..., 2])
         direction /= np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-9)
         centre_a, centre_b = links.antenna_a.mean(axis=0), links.antenna_b.mean(axis=0)
-        near, near_sigma = _near_ranges(links, settings.radio.range_partner_s)
+        near, near_sigma = _near_ranges(links, radio.range_partner_s)
         return cls(
             a=links.antenna_a - centre_a,
             b=links.antenna_b - centre_b,
@@ -87,7 +89,7 @@ class Observations:
             sigma=np.maximum(links.sigma, _LEAST_SIGMA_RAD),
             weight=links.weight,
             has_bearing=links.has_bearing,
-            independence=independence(links, settings.radio.static_radius_m),
+            independence=independence(links, radio.static_radius_m),
             yaw=links.yaw,
             yaw_sigma=np.maximum(links.yaw_sigma, _LEAST_SIGMA_RAD),
             near_range_m=near,
@@ -108,6 +110,11 @@ class Observations:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]
         return max(float(np.median(near)) if len(near) else float(np.hypot(*self.extents_m)), 1.0)
+
+    @property
+    def distance_m(self) -> FloatArray:
+        """`(M,)` distance of the antennas, measured or borrowed, or a usual one where nothing was ranged."""
+        return np.where(np.isfinite(self.near_range_m), self.near_range_m, _UNKNOWN_DISTANCE_M)
 
     @property
     def tells_height(self) -> bool:
@@ -156,33 +163,6 @@ def independence(links: Links, radius_m: float) -> FloatArray:
     cell = np.column_stack([np.floor(places / radius_m + 0.5), kind])
     _, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / count[group.reshape(-1)])
-
-
-def drift_from(
-    anchor: int, observations: Observations, trajectories: tuple[Trajectory, Trajectory], inflation: float
-) -> tuple[FloatArray, FloatArray]:
-    """How far a rigid transform that is right at one measurement may be off at the others, see `drift_since`."""
-    at_a, at_b = int(observations.index_a[anchor]), int(observations.index_b[anchor])
-    return drift_since(at_a, at_b, observations, trajectories, inflation)
-
-
-def drift_since(
-    at_a: int, at_b: int, observations: Observations, trajectories: tuple[Trajectory, Trajectory], inflation: float
-) -> tuple[FloatArray, FloatArray]:
-    """How far a rigid transform that is right where a and b are at some keyframes may be off at the measurements.
-
-    Returns:
-        Standard deviations `(M,)` of the horizontal position (m) and of the yaw (rad) of the robots relative to each
-        other, by the drift of both since then.
-    """
-    position_variance, yaw_variance = np.zeros(len(observations)), np.zeros(len(observations))
-    for trajectory, at, index in zip(
-        trajectories, (at_a, at_b), (observations.index_a, observations.index_b), strict=True
-    ):
-        covariance = trajectory.relative_covariance(np.full(len(index), at), index)
-        position_variance += (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
-        yaw_variance += covariance[:, 2, 2]
-    return inflation * np.sqrt(position_variance), inflation * np.sqrt(yaw_variance)
 
 
 def _near_ranges(links: Links, tolerance_s: float) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Pairwise consistency of links: the paper's way of rejecting multipath (section IV-A).
+"""Pairwise consistency of links: how the paper rejects multipath (section IV-A).
 
 Every path with a range and a known relative heading is a full transform between the robots.  Two of them are consistent
 if the loop through both and the odometry of both robots closes,
@@ -18,14 +18,13 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.max_clique import max_clique
-from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations, drift_from
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, climb
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
+from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
+from wiclosure.wiclosure_filter.alignment.refinement import Peaks, climb
 
-_LEVEL_SIGMA_RAD = 0.01
 _CLIQUES = 2  # the best, and the best of what it leaves
 _TIME_BUDGET_S = 1.0
 _PAIRS_AT_A_TIME = 20_000
@@ -56,56 +55,42 @@ class FullLinks:
 
 
 def pairwise_consistency(
-    observations: Observations,
-    knowledge: str,
-    partner: IntArray,
-    trajectories: tuple[Trajectory, Trajectory],
-    settings: AlignmentSettings,
+    problem: AlignmentProblem, confidence: float, *, max_links: int, height_ratio: float
 ) -> AnchoredPeaks | None:
     """The alignment of the largest consistent set of paths, and that of the next; None without known headings.
 
-    Arguments as of `consensus`.
+    Args:
+        problem: measurements, odometry and priors of two robots.
+        confidence: quantile of chi-square below which two links are consistent.
+        max_links: links in the consistency graph.
+        height_ratio: standard deviation of the robots' difference in height over their distance.
     """
-    links = full_links(observations, knowledge, partner, trajectories[1], settings)
+    observations, prior = problem.observations, problem.prior
+    links = full_links(problem, max_links, height_ratio)
     if len(links) == 0:
         return None
-    consistent = consistency(links, observations, trajectories, settings)
-    prior = Prior.of(observations, settings, knowledge == "heading")
-    states, chosen = [], []
-    for clique in _cliques(consistent):
+    states, chosen, anchors = [], [], []
+    for clique in _cliques(consistency(links, observations, problem.odometry, confidence)):
         kept = np.full(len(observations), -1)
         kept[links.row[clique]] = links.column[clique]
-        anchor = int(np.sort(links.row[clique])[len(clique) // 2])
-        drift = drift_from(anchor, observations, trajectories, settings.drift_inflation)
-        only = Mixture.of(_only(observations, kept), settings.radio, drift)
+        anchors.append(int(np.sort(links.row[clique])[len(clique) // 2]))
+        drift = problem.odometry.drift_from(anchors[-1], observations)
+        only = Mixture.of(_only(observations, kept), problem.radio, drift)
         states.append(climb(links.state[clique[:1]], only, prior).states[0])
         chosen.append(kept)
-        if len(states) == 1:
-            mixture, drift_of_best = Mixture.of(observations, settings.radio, drift), drift
+    mixture, drift = problem.anchored_at(anchors[0])
     peaks = Peaks.at(np.array(states), mixture, prior)
-    return AnchoredPeaks(peaks, mixture, prior, drift_of_best, tuple(chosen))
+    return AnchoredPeaks(peaks, mixture, prior, drift, tuple(chosen))
 
 
-def full_links(
-    observations: Observations,
-    knowledge: str,
-    partner: IntArray,
-    trajectory_b: Trajectory,
-    settings: AlignmentSettings,
-) -> FullLinks:
-    """Every path, or pair of reciprocal paths, that fixes the transform between the robots."""
-    ranged = np.isfinite(observations.near_range_m)
-    row, column = np.nonzero((observations.weight > 0) & ranged[:, None])
-    if knowledge == "heading":
-        known = np.isfinite(observations.yaw[row])
-        row, column = row[known], column[known]
-        yaw, yaw_sigma = observations.yaw[row], observations.yaw_sigma[row]
-    elif knowledge == "reciprocal":
-        row, column, yaw, yaw_sigma = _reciprocal(observations, row, column, partner)
-    else:
-        row, column, yaw, yaw_sigma = row[:0], column[:0], np.zeros(0), np.zeros(0)
-    strongest = np.argsort(-observations.weight[row, column], kind="stable")[: settings.max_pcm_links]
-    strongest = np.sort(strongest)
+def full_links(problem: AlignmentProblem, max_links: int, height_ratio: float) -> FullLinks:
+    """Every path, or pair of reciprocal paths, that fixes the transform between the robots; the heaviest ones.
+
+    Arguments as of `pairwise_consistency`.
+    """
+    observations = problem.observations
+    row, column, yaw, yaw_sigma = _with_known_yaw(problem)
+    strongest = np.sort(np.argsort(-observations.weight[row, column], kind="stable")[:max_links])
     row, column, yaw, yaw_sigma = row[strongest], column[strongest], yaw[strongest], yaw_sigma[strongest]
     reach = observations.near_range_m[row, None] * observations.direction[row, column]
     turn = se3.from_yaw(yaw, np.zeros((len(yaw), 3)))
@@ -114,35 +99,43 @@ def full_links(
     translation = observations.a[row] + w - se3.transform(turn, observations.b[row])
     states = np.column_stack([yaw, translation])
     sideways = observations.sigma[row, column] ** 2 + np.where(receives, 0.0, yaw_sigma**2)
-    vertical = np.where(
-        observations.flat[row, column], (settings.height_ratio * observations.typical_distance_m) ** 2, np.nan
-    )
+    level = (height_ratio * observations.typical_distance_m) ** 2
+    vertical = np.where(observations.flat[row, column], level, np.nan)
     in_a = _position_covariance(w, observations.near_range_sigma_m[row] ** 2, sideways, vertical)
-    R_a_b = turn[:, :3, :3] @ trajectory_b.poses[observations.index_b[row], :3, :3]
+    R_a_b = turn[:, :3, :3] @ problem.odometry.b.poses[observations.index_b[row], :3, :3]
     covariance = np.zeros((len(row), 6, 6))
-    covariance[:, :3, :3] = np.diag([_LEVEL_SIGMA_RAD**2, _LEVEL_SIGMA_RAD**2, 0.0])
+    covariance[:, :3, :3] = np.diag([LEVEL_SIGMA_RAD**2, LEVEL_SIGMA_RAD**2, 0.0])
     covariance[:, 2, 2] = yaw_sigma**2
     covariance[:, 3:, 3:] = se3.rotate_covariance(np.swapaxes(R_a_b, 1, 2), in_a)
     return FullLinks(row, column, states, covariance)
 
 
-def consistency(
-    links: FullLinks,
-    observations: Observations,
-    trajectories: tuple[Trajectory, Trajectory],
-    settings: AlignmentSettings,
-) -> BoolArray:
+def _with_known_yaw(problem: AlignmentProblem) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Row and column of paths with a range and a relative yaw, the yaw, and its sigma."""
+    observations = problem.observations
+    ranged = np.isfinite(observations.near_range_m)
+    row, column = np.nonzero((observations.weight > 0) & ranged[:, None])
+    if problem.heading_knowledge == "heading":
+        known = np.isfinite(observations.yaw[row])
+        row, column = row[known], column[known]
+        return row, column, observations.yaw[row], observations.yaw_sigma[row]
+    if problem.heading_knowledge == "reciprocal":
+        return _reciprocal(observations, row, column, problem.partner)
+    return row[:0], column[:0], np.zeros(0), np.zeros(0)
+
+
+def consistency(links: FullLinks, observations: Observations, odometry: PairOdometry, confidence: float) -> BoolArray:
     """`(L, L)` true where two links, through the odometry between them, close a loop."""
     first, second = np.triu_indices(len(links), 1)
-    turned = _wrapped(links.state[first, 0] - links.state[second, 0])
+    turned = se3.wrap_angle(links.state[first, 0] - links.state[second, 0])
     yaw_variance = links.covariance[first, 2, 2] + links.covariance[second, 2, 2] + _ODOMETRY_YAW_RAD**2
     possible = (links.row[first] != links.row[second]) & (turned**2 < 16 * yaw_variance)  # spares most of the loops
     first, second = first[possible], second[possible]
-    limit = chi2.ppf(settings.pcm_confidence, 3 if observations.flat.all() else 4)
+    limit = chi2.ppf(confidence, 3 if observations.flat.all() else 4)
     consistent = np.zeros((len(links), len(links)), bool)
     for start in range(0, len(first), _PAIRS_AT_A_TIME):
         one, other = first[start : start + _PAIRS_AT_A_TIME], second[start : start + _PAIRS_AT_A_TIME]
-        closes = _loop_distance(links, one, other, observations, trajectories, settings.drift_inflation) < limit
+        closes = _loop_distance(links, one, other, observations, odometry) < limit
         consistent[one[closes], other[closes]] = True
     return consistent | consistent.T
 
@@ -152,20 +145,19 @@ def _loop_distance(
     one: IntArray,
     other: IntArray,
     observations: Observations,
-    trajectories: tuple[Trajectory, Trajectory],
-    inflation: float,
+    odometry: PairOdometry,
 ) -> FloatArray:
     """Squared Mahalanobis distances of the loops through two links each (paper, eqs. for T_loop and d_PCM)."""
-    a, b = trajectories
+    a, b = odometry.a, odometry.b
     i, k = observations.index_a[links.row[one]], observations.index_a[links.row[other]]
     j, m = observations.index_b[links.row[one]], observations.index_b[links.row[other]]
     X_one, X_other = (observations.frame_transform(links.state[side]) for side in (one, other))
     T_i_j = se3.between(a.poses[i], X_one @ b.poses[j])
     T_k_m = se3.between(a.poses[k], X_other @ b.poses[m])
     T_j_m, T_m_k, T_k_i = b.relative_pose(j, m), se3.inverse(T_k_m), a.relative_pose(k, i)
-    covariance = se3.compose_covariance(links.covariance[one], T_j_m, inflation**2 * b.relative_covariance(j, m))
+    covariance = se3.compose_covariance(links.covariance[one], T_j_m, odometry.covariance_b(j, m))
     covariance = se3.compose_covariance(covariance, T_m_k, se3.inverse_covariance(T_k_m, links.covariance[other]))
-    covariance = se3.compose_covariance(covariance, T_k_i, inflation**2 * a.relative_covariance(k, i))
+    covariance = se3.compose_covariance(covariance, T_k_i, odometry.covariance_a(k, i))
     xi = se3.log(T_i_j @ T_j_m @ T_m_k @ T_k_i)
     whitened = np.linalg.solve(covariance, xi[..., None])[..., 0]
     return np.asarray((xi * whitened).sum(axis=-1))
@@ -215,7 +207,3 @@ def _only(observations: Observations, kept: IntArray) -> Observations:
     rows = np.flatnonzero(kept >= 0)
     weight[rows, kept[rows]] = 1.0
     return observations.restricted(weight, np.where(kept >= 0, observations.range_m, np.nan))
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

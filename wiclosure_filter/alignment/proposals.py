@@ -52,21 +52,22 @@ class Correspondences:
         )
 
 
-def from_known_yaw(points: Correspondences, yaw: FloatArray, yaw_sigma: FloatArray) -> FloatArray:
-    """States `(N, 4)` from single correspondences whose relative yaw `(C,)` is known; NaN is left out."""
-    known = np.isfinite(yaw)
-    tried = np.concatenate([yaw[known] + step * yaw_sigma[known] for step in _YAW_OFFSETS])
-    a, b = (np.tile(p[known], (len(_YAW_OFFSETS), 1)) for p in (points.a, points.b))
+def from_known_yaw(points: Correspondences, yaw: float, yaw_sigma: float) -> FloatArray:
+    """States `(N, 4)` from single correspondences where the relative yaw is known; none where it is NaN."""
+    if not np.isfinite(yaw):
+        return np.zeros((0, 4))
+    tried = np.repeat([yaw + step * yaw_sigma for step in _YAW_OFFSETS], len(points.row))
+    a, b = (np.tile(p, (len(_YAW_OFFSETS), 1)) for p in (points.a, points.b))
     return _meeting(tried, a, b)
 
 
 def from_reciprocal(points: Correspondences, observations: Observations, partner: IntArray, limit: int) -> FloatArray:
-    """States from two bearings, one each way, at about the same time: yaw = azimuth_ab + pi - azimuth_ba.
+    """States from two opposite bearings at about the same time: yaw = azimuth_ab + pi - azimuth_ba.
 
     Args:
         points: all correspondences.
         observations: the measurements.
-        partner: `(M,)` the measurement the other way, or -1.
+        partner: `(M,)` the opposite measurement, or -1.
         limit: how many states at most.
     """
     azimuth = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])

@@ -16,19 +16,18 @@ from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
 from wiclosure.wiclosure_filter.alignment.refinement import (
+    SAME_PEAK_M,
     Peaks,
     Prior,
-    derivative_by_displacement,
     displacement_m,
-    measured_residuals,
+    first_distinct,
 )
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.residuals import derivative_by_displacement, measured_residuals
 from wiclosure.wiclosure_filter.links.links import Links
 
 _STEPS = 20
 _TRIPLES = 3_000
 _STARTS = 12
-_SAME_PEAK_M = 0.3
 _SEED = 20_231
 
 
@@ -49,9 +48,7 @@ class SpatialPeaks:
     explanation: Explanation
 
 
-def refine_in_space(
-    level: Peaks, mixture: Mixture, prior: Prior, links: Links, settings: AlignmentSettings
-) -> SpatialPeaks:
+def refine_in_space(level: Peaks, mixture: Mixture, prior: Prior, links: Links, tilt_sigma_rad: float) -> SpatialPeaks:
     """Climbs from level peaks, and from triples of correspondences, to the peaks over SE(3).
 
     Args:
@@ -59,13 +56,13 @@ def refine_in_space(
         mixture: likelihood that they were found with.
         prior: on height, where the radio does not tell it.
         links: the same measurements.
-        settings: prior on tilt.
+        tilt_sigma_rad: rad, prior on roll and pitch between the frames.
     """
-    problem = _SpatialProblem.of(mixture, prior, links, settings.tilt_sigma_rad)
+    problem = _SpatialProblem.of(mixture, prior, links, tilt_sigma_rad)
     starts = np.concatenate([se3.from_yaw(level.states[:, 0], level.states[:, 1:]), _from_triples(problem)])
     values = np.concatenate([problem.log_posterior(starts[i : i + 200])[0] for i in range(0, len(starts), 200)])
     X = starts[np.argsort(-values, kind="stable")[: 10 * _STARTS]]
-    X = X[_apart(X, problem, _STARTS)]
+    X = _distinct(X, problem)
     for _ in range(_STEPS):
         information, gradient = problem.normal_equations(X)
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
@@ -73,7 +70,7 @@ def refine_in_space(
         X = X @ se3.exp(step / np.maximum(length, 1.0)[:, None])
     value, _ = problem.log_posterior(X)
     X = X[np.argsort(-value, kind="stable")]
-    X = X[_apart(X, problem, _STARTS)]
+    X = _distinct(X, problem)
     return problem.peaks(X)
 
 
@@ -179,15 +176,14 @@ def _from_triples(problem: _SpatialProblem) -> FloatArray:
     return np.asarray(X[misfit < 3 * sigma])
 
 
-def _apart(X: FloatArray, problem: _SpatialProblem, limit: int) -> list[int]:
-    """The first `limit` transforms of which no two are the same."""
+def _distinct(X: FloatArray, problem: _SpatialProblem) -> FloatArray:
+    """The first few transforms of which no two are the same."""
     observations = problem.mixture.observations
     states = np.column_stack([se3.yaw(X), X[:, :3, 3]])
     spread = np.sqrt((observations.b**2).sum(axis=1).mean())
-    kept: list[int] = []
-    for row in range(len(X)):
-        tilted = spread * np.linalg.norm(X[row, :3, 2] - X[kept, :3, 2], axis=-1)
-        moved = displacement_m(states[row], states[kept], observations)
-        if len(kept) < limit and (np.hypot(tilted, moved) > _SAME_PEAK_M).all():
-            kept.append(row)
-    return kept
+
+    def distances_to(row: int) -> FloatArray:
+        tilted = spread * np.linalg.norm(X[row, :3, 2] - X[:, :3, 2], axis=-1)
+        return np.asarray(np.hypot(tilted, displacement_m(states[row], states, observations)))
+
+    return X[first_distinct(len(X), distances_to, SAME_PEAK_M, limit=_STARTS)]

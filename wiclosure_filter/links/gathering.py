@@ -2,90 +2,176 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog, WirelessMeasurement, robot_pairs
+from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.links.headings import OdometryHeading, odometry_headings
 from wiclosure.wiclosure_filter.links.links import Links
+from wiclosure.wiclosure_filter.links.paths import PaddedPaths
 
 
-def links_between(
-    robot_a: str,
-    robot_b: str,
-    trajectories: Mapping[str, Trajectory],
-    wireless: WirelessLog,
-    settings: AlignmentSettings,
-) -> Links:
-    """Gathers and normalises the measurements between two robots.
+@dataclass(frozen=True, slots=True)
+class GatheringLimits:
+    """Which measurements become links.
 
-    Measurements outside a trajectory's time are left out, and so are bearings in world axes of a receiver whose heading
-    is not known; `left_out` says how many.
+    Args:
+        stamp_tolerance_s: s, how far outside a trajectory's time a measurement may lie.
+        heading_tolerance_s: s between a measurement and the headings that are used with it.
+        max_paths: strongest paths of a measurement that are kept.
+        use_headings: whether compasses tell how the odometry frames are turned to each other.
     """
-    between = [i for i, m in enumerate(wireless.measurements) if {m.receiver, m.transmitter} == {robot_a, robot_b}]
-    return _gather(robot_a, robot_b, np.array(between, np.int64), trajectories, wireless, settings)
+
+    stamp_tolerance_s: float
+    heading_tolerance_s: float
+    max_paths: int
+    use_headings: bool
+
+    @classmethod
+    def of(cls, settings: AlignmentSettings) -> GatheringLimits:
+        """As the settings of the alignment have them."""
+        return cls(
+            stamp_tolerance_s=settings.stamp_tolerance_s,
+            heading_tolerance_s=settings.heading_tolerance_s,
+            max_paths=settings.radio.max_paths,
+            use_headings=settings.heading in {"auto", "heading"},
+        )
 
 
-def _gather(
-    robot_a: str,
-    robot_b: str,
-    rows: IntArray,
-    trajectories: Mapping[str, Trajectory],
-    wireless: WirelessLog,
-    settings: AlignmentSettings,
-) -> Links:
-    chosen = [wireless.measurements[i] for i in rows]
-    a_receives = np.array([m.receiver == robot_a for m in chosen], bool)
-    stamp_a_ns, stamp_b_ns = _stamps(chosen, a_receives)
-    tolerance_ns = round(settings.stamp_tolerance_s * 1e9)
-    inside = trajectories[robot_a].covers(stamp_a_ns, tolerance_ns)
-    inside = inside & trajectories[robot_b].covers(stamp_b_ns, tolerance_ns)
-    if not inside.all():
-        inner = _gather(robot_a, robot_b, rows[inside], trajectories, wireless, settings)
-        lost = f"{int((~inside).sum())} of {len(rows)} measurements lie outside the trajectories' time"
-        return replace(inner, left_out=(lost, *inner.left_out))
-    headings = odometry_headings(trajectories, wireless, (robot_a, robot_b))
-    use_yaw = settings.heading in {"auto", "heading"}
-    sides = [
-        _Side.of(trajectories[robot], stamps, _arms(chosen, a_receives == is_a), headings.get(robot), settings)
-        for robot, stamps, is_a in ((robot_a, stamp_a_ns, True), (robot_b, stamp_b_ns, False))
-    ]
-    R_odom_axes, extra_sigma = _axes(chosen, a_receives, sides)
-    directed = np.isfinite(extra_sigma)
-    paths = _paths(chosen, directed, settings.radio.max_paths)
-    lost_world = int(sum(bool(m.paths) for m, ok in zip(chosen, directed, strict=True) if not ok))
-    receiver_keyframe = np.where(a_receives[:, None, None], sides[0].R_odom_keyframe, sides[1].R_odom_keyframe)
-    left_out = (f"{lost_world} bearings in world axes lack the receiver's heading",) if lost_world else ()
-    return Links(
-        robot_a=robot_a,
-        robot_b=robot_b,
-        measurement=rows,
-        a_receives=a_receives,
-        stamp_a_ns=stamp_a_ns,
-        stamp_b_ns=stamp_b_ns,
-        index_a=sides[0].index,
-        index_b=sides[1].index,
-        antenna_a=sides[0].antenna,
-        antenna_b=sides[1].antenna,
-        antenna_keyframe_a=sides[0].antenna_keyframe,
-        antenna_keyframe_b=sides[1].antenna_keyframe,
-        range_m=np.array([np.nan if m.range_m is None else m.range_m for m in chosen], float),
-        range_sigma_m=np.array([np.nan if m.range_sigma_m is None else m.range_sigma_m for m in chosen], float),
-        R_odom_axes=R_odom_axes,
-        R_keyframe_axes=np.swapaxes(receiver_keyframe, 1, 2) @ R_odom_axes,
-        azimuth=paths.azimuth,
-        elevation=paths.elevation,
-        sigma=np.where(paths.index >= 0, np.hypot(paths.sigma, np.nan_to_num(extra_sigma)[:, None]), 1.0),
-        weight=paths.weight,
-        path=paths.index,
-        yaw=_wrapped(sides[1].yaw_world_odom - sides[0].yaw_world_odom) if use_yaw else np.full(len(rows), np.nan),
-        yaw_sigma=np.hypot(sides[0].heading_sigma, sides[1].heading_sigma),
-        left_out=left_out,
-    )
+@dataclass(frozen=True, eq=False)
+class TeamLinks:
+    """The measurements between the robots of a team as arrays, gathered once.
+
+    Args:
+        headings: readings of each robot that has a compass, as the yaw of its odometry frame.
+        by_pair: links of every pair of robots, a before b in the order of the trajectories.
+    """
+
+    headings: Mapping[str, OdometryHeading]
+    by_pair: Mapping[tuple[str, str], Links]
+
+    @classmethod
+    def of(cls, trajectories: Mapping[str, Trajectory], wireless: WirelessLog, limits: GatheringLimits) -> TeamLinks:
+        """Gathers and normalises all measurements.
+
+        Measurements outside a trajectory's time are left out, and so are bearings in world axes of a receiver whose
+        heading is not known; `Links.left_out` says how many.
+        """
+        headings = odometry_headings(trajectories, wireless)
+        rows: dict[frozenset[str], list[int]] = defaultdict(list)
+        for row, measurement in enumerate(wireless.measurements):
+            rows[frozenset((measurement.receiver, measurement.transmitter))].append(row)
+        by_pair = {}
+        for a, b in robot_pairs(list(trajectories)):
+            between = _Between.of((a, b), trajectories, wireless, rows.get(frozenset((a, b)), []))
+            by_pair[a, b] = between.links((headings.get(a), headings.get(b)), limits)
+        return cls(headings, by_pair)
+
+
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """M measurements between two robots, as the log has them.
+
+    Args:
+        robots: a and b.
+        trajectories: of a and b.
+        rows: `(M,)` of the log.
+        measurements: those at `rows`.
+        a_receives: `(M,)`.
+        stamps_ns: `(M,)` each, times at a and at b.
+    """
+
+    robots: tuple[str, str]
+    trajectories: tuple[Trajectory, Trajectory]
+    rows: IntArray
+    measurements: Sequence[WirelessMeasurement]
+    a_receives: BoolArray
+    stamps_ns: tuple[IntArray, IntArray]
+
+    @classmethod
+    def of(
+        cls,
+        robots: tuple[str, str],
+        trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
+        rows: Sequence[int],
+    ) -> _Between:
+        chosen = [wireless.measurements[row] for row in rows]
+        a_receives = np.array([m.receiver == robots[0] for m in chosen], bool)
+        both = (trajectories[robots[0]], trajectories[robots[1]])
+        return cls(robots, both, np.array(rows, np.int64), chosen, a_receives, _stamps(chosen, a_receives))
+
+    def links(self, headings: tuple[OdometryHeading | None, OdometryHeading | None], limits: GatheringLimits) -> Links:
+        """The links, and sentences on those that are none."""
+        tolerance_ns = round(limits.stamp_tolerance_s * 1e9)
+        inside_a, inside_b = (
+            trajectory.covers(stamps_ns, tolerance_ns)
+            for trajectory, stamps_ns in zip(self.trajectories, self.stamps_ns, strict=True)
+        )
+        inside = np.flatnonzero(inside_a & inside_b)
+        outside = len(self.rows) - len(inside)
+        lost = (f"{outside} of {len(self.rows)} measurements lie outside the trajectories' time",) if outside else ()
+        return self._subset(inside)._as_arrays(headings, limits, lost)
+
+    def _subset(self, chosen: IntArray) -> _Between:
+        return replace(
+            self,
+            rows=self.rows[chosen],
+            measurements=[self.measurements[row] for row in chosen],
+            a_receives=self.a_receives[chosen],
+            stamps_ns=(self.stamps_ns[0][chosen], self.stamps_ns[1][chosen]),
+        )
+
+    def _as_arrays(
+        self,
+        headings: tuple[OdometryHeading | None, OdometryHeading | None],
+        limits: GatheringLimits,
+        left_out: tuple[str, ...],
+    ) -> Links:
+        chosen, a_receives = self.measurements, self.a_receives
+        a, b = (
+            _Side.of(trajectory, stamps_ns, _arms(chosen, receives), heading, limits.heading_tolerance_s)
+            for trajectory, stamps_ns, receives, heading in zip(
+                self.trajectories, self.stamps_ns, (a_receives, ~a_receives), headings, strict=True
+            )
+        )
+        R_odom_axes, axes_sigma = _axes(chosen, a_receives, (a, b))
+        directed = np.isfinite(axes_sigma)
+        paths = PaddedPaths.strongest(chosen, directed, limits.max_paths)
+        lost = sum(bool(m.paths) for m, ok in zip(chosen, directed, strict=True) if not ok)
+        R_odom_keyframe = np.where(a_receives[:, None, None], a.R_odom_keyframe, b.R_odom_keyframe)
+        yaw = se3.wrap_angle(b.yaw_world_odom - a.yaw_world_odom)
+        return Links(
+            robot_a=self.robots[0],
+            robot_b=self.robots[1],
+            measurement=self.rows,
+            a_receives=a_receives,
+            stamp_a_ns=self.stamps_ns[0],
+            stamp_b_ns=self.stamps_ns[1],
+            index_a=a.index,
+            index_b=b.index,
+            antenna_a=a.antenna,
+            antenna_b=b.antenna,
+            antenna_keyframe_a=a.antenna_keyframe,
+            antenna_keyframe_b=b.antenna_keyframe,
+            range_m=_or_nan([m.range_m for m in chosen]),
+            range_sigma_m=_or_nan([m.range_sigma_m for m in chosen]),
+            R_odom_axes=R_odom_axes,
+            R_keyframe_axes=np.swapaxes(R_odom_keyframe, 1, 2) @ R_odom_axes,
+            azimuth=paths.azimuth,
+            elevation=paths.elevation,
+            sigma=np.where(paths.index >= 0, np.hypot(paths.sigma, np.nan_to_num(axes_sigma)[:, None]), 1.0),
+            weight=paths.weight,
+            path=paths.index,
+            yaw=yaw if limits.use_headings else np.full(len(yaw), np.nan),
+            yaw_sigma=np.hypot(a.heading_sigma, b.heading_sigma),
+            left_out=(*left_out, f"{lost} bearings in world axes lack the receiver's heading") if lost else left_out,
+        )
 
 
 def _stamps(chosen: Sequence[WirelessMeasurement], a_receives: BoolArray) -> tuple[IntArray, IntArray]:
@@ -103,6 +189,10 @@ def _arms(chosen: Sequence[WirelessMeasurement], robot_receives: BoolArray) -> F
         for m, receives in zip(chosen, robot_receives, strict=True)
     ]
     return np.array(arms, float).reshape(-1, 3)
+
+
+def _or_nan(values: Sequence[float | None]) -> FloatArray:
+    return np.array([np.nan if value is None else value for value in values], float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +214,14 @@ class _Side:
         stamps_ns: IntArray,
         arms: FloatArray,
         heading: OdometryHeading | None,
-        settings: AlignmentSettings,
+        heading_tolerance_s: float,
     ) -> _Side:
         T_odom_body = trajectory.at(stamps_ns)
         index = trajectory.nearest(stamps_ns)
         T_odom_keyframe = trajectory.poses[index]
         antenna = se3.transform(T_odom_body, arms)
         unknown = np.full(len(stamps_ns), np.nan)
-        yaw, sigma = (unknown, unknown) if heading is None else heading.at(stamps_ns, settings.heading_tolerance_s)
+        yaw, sigma = (unknown, unknown) if heading is None else heading.at(stamps_ns, heading_tolerance_s)
         return cls(
             index=index,
             antenna=antenna,
@@ -144,7 +234,7 @@ class _Side:
 
 
 def _axes(
-    chosen: Sequence[WirelessMeasurement], a_receives: BoolArray, sides: Sequence[_Side]
+    chosen: Sequence[WirelessMeasurement], a_receives: BoolArray, sides: tuple[_Side, _Side]
 ) -> tuple[FloatArray, FloatArray]:
     """`R_odom_axes (M, 3, 3)`, and the sigma `(M,)` that the axes add to azimuths; NaN where they are not known."""
     frame = np.array([m.aoa_frame for m in chosen], dtype="<U8")
@@ -156,36 +246,3 @@ def _axes(
     R_odom_axes = np.where(in_world[:, None, None], world, np.eye(3))
     R_odom_axes[frame == "body"] = body[frame == "body"]
     return R_odom_axes, np.where(in_world, yaw_sigma, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Paths:
-    azimuth: FloatArray
-    elevation: FloatArray
-    sigma: FloatArray
-    weight: FloatArray
-    index: IntArray
-
-
-def _paths(chosen: Sequence[WirelessMeasurement], directed: BoolArray, max_paths: int) -> _Paths:
-    """The strongest paths of each measurement, padded to one width."""
-    count = [len(m.paths) if ok else 0 for m, ok in zip(chosen, directed, strict=True)]
-    shape = (len(chosen), max(1, min(max(count, default=0), max_paths)))
-    paths = _Paths(np.zeros(shape), np.full(shape, np.nan), np.ones(shape), np.zeros(shape), np.full(shape, -1))
-    for row, measurement in enumerate(chosen):
-        strongest = sorted(range(count[row]), key=lambda k: -measurement.paths[k].weight)[:max_paths]
-        for column, k in enumerate(strongest):
-            path = measurement.paths[k]
-            paths.azimuth[row, column], paths.sigma[row, column] = path.azimuth, path.sigma
-            paths.weight[row, column], paths.index[row, column] = path.weight, k
-            if path.elevation is not None:
-                paths.elevation[row, column] = path.elevation
-    there = paths.index >= 0
-    total = paths.weight.sum(axis=1, keepdims=True)
-    equal = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
-    paths.weight[:] = np.where(total > 0, paths.weight / np.where(total > 0, total, 1.0), equal)
-    return paths
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

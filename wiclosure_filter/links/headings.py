@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from wiclosure.types import FloatArray, IntArray, Trajectory, WirelessLog
 
 @dataclass(frozen=True, eq=False)
 class OdometryHeading:
-    """What the headings of one robot say of its odometry frame.
+    """The headings of one robot as the yaw of its odometry frame.
 
     Args:
         stamps_ns: `(N,)` increasing.
@@ -41,20 +41,18 @@ class OdometryHeading:
         return np.where(count > 0, np.angle(phasor), np.nan), np.where(count > 0, sigma, np.nan)
 
 
-def odometry_headings(
-    trajectories: Mapping[str, Trajectory], wireless: WirelessLog, robots: Iterable[str]
-) -> dict[str, OdometryHeading]:
-    """Headings of the given robots, as far as readings lie within their trajectories' time."""
+def odometry_headings(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> dict[str, OdometryHeading]:
+    """Headings of each robot that has any, as far as readings lie within its trajectory's time."""
     found: dict[str, OdometryHeading] = {}
-    for robot in robots:
+    for robot, trajectory in trajectories.items():
         readings = [h for h in wireless.headings if h.robot == robot]
         stamps_ns = np.array([h.stamp_ns for h in readings], np.int64)
-        inside = trajectories[robot].covers(stamps_ns)
+        inside = trajectory.covers(stamps_ns)
         if inside.any():
             order = np.flatnonzero(inside)[np.argsort(stamps_ns[inside], kind="stable")]
             heading = np.array([h.heading for h in readings])[order]
             sigma = np.array([h.sigma for h in readings])[order]
-            yaw_odom_body = se3.yaw(trajectories[robot].at(stamps_ns[order]))
+            yaw_odom_body = se3.yaw(trajectory.at(stamps_ns[order]))
             found[robot] = OdometryHeading(stamps_ns[order], heading - yaw_odom_body, sigma)
     return found
 

@@ -90,6 +90,15 @@ class Links:
         sentence = f"{len(rows)} of {len(self)} measurements were looked at, evenly over the time"
         return replace(self.subset(rows), left_out=(*self.left_out, sentence))
 
+    def at(self, robot: str) -> tuple[IntArray, FloatArray]:
+        """Keyframes `(M,)` and antenna positions `(M, 3)` of one of the robots, in its odometry frame."""
+        return (self.index_a, self.antenna_a) if robot == self.robot_a else (self.index_b, self.antenna_b)
+
+    @property
+    def heard(self) -> bool:
+        """Whether the robots measured each other at all, even where nothing of it can be used."""
+        return len(self) > 0 or bool(self.left_out)
+
     @property
     def has_range(self) -> BoolArray:
         """`(M,)` true where a range was measured."""

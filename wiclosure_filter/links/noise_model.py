@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from wiclosure import se3
 from wiclosure.errors import InputError, WiclosureError
 from wiclosure.formats.wsr import AoaNoise, WsrProfile, read_wsr_profiles
 from wiclosure.types import FloatArray
@@ -54,7 +55,7 @@ def fit_noise_model(profiles: Sequence[WsrProfile]) -> NoiseFit:
         raise InputError(f"{len(used)} profiles with peaks and ground truth; a fit needs at least {_MIN_PROFILES}")
     error = np.full((len(used), max(len(p.azimuth) for p in used)), np.nan)
     for row, p in enumerate(used):
-        error[row, : len(p.azimuth)] = (p.azimuth - p.true_azimuth + np.pi) % (2 * np.pi) - np.pi
+        error[row, : len(p.azimuth)] = se3.wrap_angle(p.azimuth - p.true_azimuth)
     variance = np.array([p.variance for p in used])
     start = np.array([np.log(0.12), 0.0, -2.0, 0.0, -1.0])
     best = minimize(

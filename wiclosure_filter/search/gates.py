@@ -1,4 +1,4 @@
-"""Gates: is a pair near enough to be worth comparing?
+"""Gates: is a pair near enough to be compared?
 
 Each gate also answers for whole groups of pairs, from a lower bound of their distance and bounds of their covariance:
 `may_keep` is never false where the gate would keep one of the pairs.  That is all that the overlap search has to know.
@@ -22,7 +22,7 @@ ROUNDING = 1.0 + 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateScores:
-    """What a gate says of M pairs: kept or not `(M,)`, and of the K kept ones both scores `(K,)`."""
+    """Decision of a gate on M pairs: kept or not `(M,)`, and of the K kept ones both scores `(K,)`."""
 
     keep: BoolArray
     overlap_probability: FloatArray
@@ -33,7 +33,7 @@ class Gate(Protocol):
     """Decides on pairs by their predicted displacement."""
 
     def may_keep(self, distance: FloatArray, largest_variance: FloatArray, smallest_spread: FloatArray) -> BoolArray:
-        """False `(K,)` only where no pair of the group can pass.
+        """False `(K,)` only where no pair of the group can be kept.
 
         Args:
             distance: `(K,)` m, no displacement of the group is shorter.
@@ -55,19 +55,23 @@ class Gate(Protocol):
 def make_gate(settings: GateSettings) -> Gate:
     """The gate that the settings name."""
     if settings.method == "mahalanobis":
-        return MahalanobisGate(settings)
-    return OverlapProbabilityGate(settings)
+        return MahalanobisGate(settings.mahalanobis_threshold, settings.sensor_range_m)
+    return OverlapProbabilityGate(settings.sensor_range_m, settings.min_probability)
 
 
 class MahalanobisGate:
     """The paper's gate (eq. 7): may the two poses be the same place?
 
-    Far pairs pass where the prediction is poor, and pairs certainly ten metres apart fail.
+    Far pairs are kept where the prediction is poor, and pairs certainly ten metres apart are not.
+
+    Args:
+        threshold: D, in standard deviations of the displacement.
+        sensor_range_m: for the probability of overlap that is told of kept pairs.
     """
 
-    def __init__(self, settings: GateSettings) -> None:
-        self.threshold = settings.mahalanobis_threshold
-        self.radius_m = settings.sensor_range_m
+    def __init__(self, threshold: float, sensor_range_m: float) -> None:
+        self.threshold = threshold
+        self.radius_m = sensor_range_m
 
     def may_keep(self, distance: FloatArray, largest_variance: FloatArray, smallest_spread: FloatArray) -> BoolArray:
         """|x|^2 / lambda_max <= d_MH^2: the paper's buffer D * sigma_UB."""
@@ -82,11 +86,16 @@ class MahalanobisGate:
 
 
 class OverlapProbabilityGate:
-    """Keeps pairs that are within the sensor's range with at least a given probability."""
+    """Keeps pairs that are within the sensor's range with at least a given probability.
 
-    def __init__(self, settings: GateSettings) -> None:
-        self.radius_m = settings.sensor_range_m
-        self.min_probability = settings.min_probability
+    Args:
+        sensor_range_m: distance up to which two scans overlap.
+        min_probability: of being nearer than that.
+    """
+
+    def __init__(self, sensor_range_m: float, min_probability: float) -> None:
+        self.radius_m = sensor_range_m
+        self.min_probability = min_probability
 
     def may_keep(self, distance: FloatArray, largest_variance: FloatArray, smallest_spread: FloatArray) -> BoolArray:
         """Whether the bound on the probability reaches the threshold."""
@@ -94,15 +103,15 @@ class OverlapProbabilityGate:
         return np.asarray(bound * ROUNDING >= self.min_probability)
 
     def score(self, displacement: FloatArray, covariance: FloatArray) -> GateScores:
-        """Computes the probability only where its bound passes."""
+        """Computes the probability only where its bound is high enough."""
         distance = np.linalg.norm(displacement, axis=1)
         bound = probability_bound(distance, *spread(covariance), self.radius_m)
         keep = bound >= self.min_probability
         # Quadrature errs by up to 1e-4: without the minimum it could keep what `may_keep` rules out.
         probability = np.minimum(probability_within(displacement[keep], covariance[keep], self.radius_m), bound[keep])
-        passed = probability >= self.min_probability
-        keep[keep] = passed
-        return GateScores(keep, probability[passed], mahalanobis_distance(displacement[keep], covariance[keep]))
+        probable = probability >= self.min_probability
+        keep[keep] = probable
+        return GateScores(keep, probability[probable], mahalanobis_distance(displacement[keep], covariance[keep]))
 
 
 def probability_bound(

@@ -17,7 +17,7 @@ from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.search.pairs import MOST_PAIRS
-from wiclosure.wiclosure_filter.search.segments import LEAF, SegmentTree, box_distance
+from wiclosure.wiclosure_filter.search.segments import LEAF, Level, SegmentTree, box_distance
 
 # Pairs of segments split at a time; bounds the memory where nearly everything overlaps.
 CHUNK = 1 << 13
@@ -25,7 +25,7 @@ CHUNK = 1 << 13
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeptPairs:
-    """Pairs that passed the gate, sorted by a, then b.
+    """Pairs that the gate keeps, sorted by a, then b.
 
     Args:
         index_a, index_b: `(M,)` keyframes.
@@ -93,79 +93,65 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
         trace: collects the surviving segments of every step, where given.
 
     Raises:
-        InputError: more pairs pass than can be listed.
+        InputError: more pairs are kept than can be listed.
     """
-    tree_a = SegmentTree.of(model.a.positions, model.a.own_variance)
-    tree_b = SegmentTree.of(model.b.positions, model.b.own_variance)
+    trees = tuple(SegmentTree.of(places.positions, places.own_variance) for places in (model.a, model.b))
     root = np.zeros(1, np.int64)
-    waiting = [(max(len(tree_a.heights), len(tree_b.heights)) - 1, root, root)]
+    waiting = [(max(len(tree.heights) for tree in trees) - 1, root, root)]
     kept: list[KeptPairs] = []
     found = 0
     while waiting:
         step, segment_a, segment_b = waiting.pop()
-        height_a, height_b = min(step, len(tree_a.heights) - 1), min(step, len(tree_b.heights) - 1)
-        bounds = _bounds(model, tree_a, height_a, segment_a, tree_b, height_b, segment_b)
+        a, b = (Level(tree, min(step, len(tree.heights) - 1)) for tree in trees)
+        bounds = _bounds(model, a, segment_a, b, segment_b)
         near = gate.may_keep(*bounds)
         segment_a, segment_b = segment_a[near], segment_b[near]
         if trace is not None:
-            trace.steps.setdefault(step, []).append((height_a, height_b, segment_a, segment_b))
+            trace.steps.setdefault(step, []).append((a.height, b.height, segment_a, segment_b))
         if step == 0:
             kept.append(_gated(model, gate, segment_a, segment_b, bounds[1][near], bounds[2][near]))
             found += len(kept[-1].index_a)
-            if found > MOST_PAIRS:
-                raise InputError(
-                    f"more than {MOST_PAIRS} pairs of keyframes may overlap, too many to list; raise"
-                    " gate.min_probability, lower gate.sensor_range_m or use fewer keyframes"
-                )
+            _refuse_too_many(found)
             continue
-        segment_a, segment_b = _split(tree_a, height_a, segment_a, tree_b, height_b, segment_b, step - 1)
+        # A trajectory that is not as high waits for the other.
+        if step <= a.height:
+            segment_a, segment_b = _children(a, segment_a, segment_b)
+        if step <= b.height:
+            segment_b, segment_a = _children(b, segment_b, segment_a)
         waiting += [
             (step - 1, segment_a[i : i + CHUNK], segment_b[i : i + CHUNK]) for i in range(0, len(segment_a), CHUNK)
         ]
     return KeptPairs.joined(kept)
 
 
+def _refuse_too_many(found: int) -> None:
+    if found > MOST_PAIRS:
+        raise InputError(
+            f"more than {MOST_PAIRS} pairs of keyframes may overlap, too many to list; raise gate.min_probability,"
+            " lower gate.sensor_range_m or use fewer keyframes"
+        )
+
+
 def _bounds(
-    model: PairModel,
-    tree_a: SegmentTree,
-    height_a: int,
-    segment_a: IntArray,
-    tree_b: SegmentTree,
-    height_b: int,
-    segment_b: IntArray,
+    model: PairModel, a: Level, segment_a: IntArray, b: Level, segment_b: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Shortest distance, largest variance and smallest spread `(K,)` of all pairs of keyframes of two segments."""
-    level_a, level_b = tree_a.heights[height_a], tree_b.heights[height_b]
-    largest, smallest = model.bounds(*tree_a.keyframes(height_a, segment_a), *tree_b.keyframes(height_b, segment_b))
-    largest = largest + level_a.own_variance[segment_a] + level_b.own_variance[segment_b]
-    return box_distance(level_a, segment_a, level_b, segment_b), largest, smallest
+    largest, smallest = model.bounds(*a.keyframes(segment_a), *b.keyframes(segment_b))
+    largest = largest + a.segments.own_variance[segment_a] + b.segments.own_variance[segment_b]
+    return box_distance(a.segments, segment_a, b.segments, segment_b), largest, smallest
 
 
-def _split(
-    tree_a: SegmentTree,
-    height_a: int,
-    segment_a: IntArray,
-    tree_b: SegmentTree,
-    height_b: int,
-    segment_b: IntArray,
-    below: int,
-) -> tuple[IntArray, IntArray]:
-    """Pairs of the children; a trajectory that is not as high waits for the other."""
-    for tree, height, is_a in ((tree_a, height_a, True), (tree_b, height_b, False)):
-        if below >= height:
-            continue
-        parents = segment_a if is_a else segment_b
-        children = np.concatenate([2 * parents, 2 * parents + 1])
-        exists = children < tree.count(below)
-        other = np.tile(segment_b if is_a else segment_a, 2)[exists]
-        segment_a, segment_b = (children[exists], other) if is_a else (other, children[exists])
-    return segment_a, segment_b
+def _children(level: Level, parents: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
+    """Both halves of each segment, and the other robot's segment once for each."""
+    children = np.concatenate([2 * parents, 2 * parents + 1])
+    exists = children < level.tree.count(level.height - 1)
+    return children[exists], np.tile(others, 2)[exists]
 
 
 def _gated(
     model: PairModel, gate: Gate, leaf_a: IntArray, leaf_b: IntArray, largest: FloatArray, smallest: FloatArray
 ) -> KeptPairs:
-    """The pairs of keyframes of pairs of leaves that pass; far ones fall by the bounds of their leaves."""
+    """The pairs of keyframes of pairs of leaves that are kept; far ones are dropped by the bounds of their leaves."""
     within = np.arange(LEAF)
     p = (leaf_a[:, None, None] * LEAF + within[:, None] + 0 * within).ravel()
     k = (leaf_b[:, None, None] * LEAF + within + 0 * within[:, None]).ravel()

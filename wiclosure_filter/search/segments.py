@@ -70,14 +70,27 @@ class SegmentTree:
             )
         return cls(len(positions), tuple(heights))
 
-    def keyframes(self, height: int, segment: IntArray) -> tuple[IntArray, IntArray]:
-        """First and last keyframe `(K,)` of segments of one height."""
-        size = LEAF << height
-        return segment * size, np.minimum((segment + 1) * size, self.size) - 1
-
     def count(self, height: int) -> int:
         """How many segments there are at a height."""
         return len(self.heights[height].own_variance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """One height of a trajectory's hierarchy."""
+
+    tree: SegmentTree
+    height: int
+
+    @property
+    def segments(self) -> Segments:
+        """The segments of this height."""
+        return self.tree.heights[self.height]
+
+    def keyframes(self, segment: IntArray) -> tuple[IntArray, IntArray]:
+        """First and last keyframe `(K,)` of segments."""
+        size = LEAF << self.height
+        return segment * size, np.minimum((segment + 1) * size, self.tree.size) - 1
 
 
 def box_distance(a: Segments, segment_a: IntArray, b: Segments, segment_b: IntArray) -> FloatArray:

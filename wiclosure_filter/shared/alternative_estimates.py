@@ -1,4 +1,4 @@
-"""What is left where a few alignments are likely: pairs that are possible under any of them.
+"""Alternative estimates where a few alignments are likely: pairs that are possible under any of them.
 
 The paper's filter has one alignment or none.  A handful of measurements often leaves two or three, metres apart, of
 which one is right; each of them rules out most pairs, and what all of them rule out cannot overlap.
@@ -6,54 +6,60 @@ which one is right; each of them rules out most pairs, and what all of them rule
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, WirelessLog
-from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.search.gates import make_gate
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind
+from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, share_trajectories
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory
 
 
 @dataclass(frozen=True, eq=False)
-class RivalEstimates:
+class AlternativeEstimates:
     """Estimates of the same two trajectories, one for each likely alignment.
 
     Implements `wiclosure.types.RelativePosePredictor`.
 
     Args:
         estimates: two or more, the most likely first.
-        settings: gate.
+        gate: tells how probably a pair overlaps under each of them.
     """
 
     estimates: tuple[SharedEstimate, ...]
-    settings: FilterSettings
+    gate: Gate
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
 
     @classmethod
     def of(
-        cls,
-        alignment: FrameAlignment,
-        trajectories: Mapping[str, Trajectory],
-        wireless: WirelessLog,
-        settings: FilterSettings,
-    ) -> RivalEstimates | None:
-        """One estimate for each of the likely alignments; None where they are not few, or one allows no estimate."""
+        cls, alignment: FrameAlignment, estimate: Callable[[FrameAlignment], SharedTrajectory], gate: Gate
+    ) -> AlternativeEstimates | None:
+        """One estimate for each of the likely alignments; None where they are not few, or one allows no estimate.
+
+        Args:
+            alignment: of two robots.
+            estimate: shares their trajectories by an alignment that is taken for certain.
+            gate: see above.
+        """
         if alignment.best is None or not alignment.rivals:
             return None
         pair = (alignment.robot_a, alignment.robot_b)
-        both = {robot: trajectories[robot] for robot in pair}
         estimates = []
         for hypothesis in (alignment.best, *alignment.rivals):
-            alone = replace(alignment, best=hypothesis, ambiguous=False)
-            shared = share_trajectories(both, wireless, [alone], settings)
+            shared = estimate(replace(alignment, best=hypothesis, ambiguous=False))
             if pair not in shared.estimates:
                 return None
             estimates.append(shared.estimates[pair])
-        return cls(tuple(estimates), settings)
+        return cls(tuple(estimates), gate)
+
+    @property
+    def alternatives(self) -> int:
+        """How many alignments are likely."""
+        return len(self.estimates)
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Those of all estimates, the most likely one's first; each answers for every pair."""
@@ -83,10 +89,10 @@ class RivalEstimates:
         self, estimate: SharedEstimate, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
     ) -> FloatArray:
         """Probability `(M,)` of overlap under one of the estimates; 0 where its gate does not keep the pair."""
-        gate, probability = make_gate(self.settings.gate), np.zeros(len(index_a))
+        probability = np.zeros(len(index_a))
         for model in estimate.models(robot_a, robot_b):
             rows = np.flatnonzero(model.applies(index_a, index_b))
             p, k = index_a[rows], index_b[rows]
-            scores = gate.score(model.displacement(p, k), model.covariance(p, k))
+            scores = self.gate.score(model.displacement(p, k), model.covariance(p, k))
             probability[rows[scores.keep]] = scores.overlap_probability
         return probability

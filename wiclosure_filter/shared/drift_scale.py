@@ -1,4 +1,4 @@
-"""How much better or worse the odometry is than its drift model says, told by the links.
+"""Drift scale estimated from the links: how much better or worse the odometry is than its drift model.
 
 One drift model serves every place and sensor, yet real drift differs severalfold between recordings.  The joint
 estimate knows: odometry residuals larger than expected mean that links had to bend it.  With r their sum of squares in

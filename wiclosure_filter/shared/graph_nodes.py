@@ -6,20 +6,34 @@ odometry between nodes is a pure translation, lever arms are dealt with, and bea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.drift import AccumulatedDrift, DriftModel
-from wiclosure.types import FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
+from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # Nodes without a link, for each robot: of longer trajectories the nodes lie further apart.
 MOST_NODES = 100
 
 # Odometry between two antennas heard at one keyframe: never quite certain, so that no covariance is singular.
 LEAST_SIGMA = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSpacing:
+    """How far nodes may be apart.
+
+    Args:
+        metres: of road.
+        turn_rad: of turning.
+    """
+
+    metres: float
+    turn_rad: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +56,7 @@ class GraphNodes:
 
     @classmethod
     def along(
-        cls, trajectory: Trajectory, keyframe: IntArray, position: FloatArray, settings: SharedTrajectorySettings
+        cls, trajectory: Trajectory, keyframe: IntArray, position: FloatArray, spacing: NodeSpacing
     ) -> GraphNodes:
         """Nodes at all link positions, and between them.
 
@@ -50,12 +64,12 @@ class GraphNodes:
             trajectory: the keyframes.
             keyframe: `(L,)` keyframe nearest to each link.
             position: `(L, 3)` antenna positions in the odometry frame.
-            settings: distances between nodes.
+            spacing: of nodes between the links.
         """
         # Measurements of one instant share a node: both directions of a link, links to several robots.
         places, of_link = np.unique(np.column_stack([keyframe, position]), axis=0, return_inverse=True)
         linked = places[:, 0].astype(np.int64)
-        between = _stations(trajectory, linked, settings)
+        between = _stations(trajectory, linked, spacing)
         keyframes = np.concatenate([linked, between])
         order = np.argsort(keyframes, kind="stable")
         rank = np.empty(len(order), np.int64)
@@ -81,7 +95,7 @@ class GraphNodes:
         return np.diff(self.position, axis=0), covariance + LEAST_SIGMA**2 * np.eye(6)
 
     def around_keyframes(self) -> tuple[IntArray, FloatArray]:
-        """Node before each keyframe `(N,)`, and the share `(N,)` of the way to the next node."""
+        """Node before each keyframe `(N,)`, and the share `(N,)` of the distance to the next node."""
         size = len(self.trajectory)
         before = np.clip(np.searchsorted(self.keyframe, np.arange(size), side="right") - 1, 0, max(len(self) - 2, 0))
         after = np.minimum(before + 1, len(self) - 1)
@@ -93,27 +107,79 @@ class GraphNodes:
     def bridge_variance(self, before: IntArray, share: FloatArray) -> FloatArray:
         """Variance `(N,)` of keyframes about the straight blend of their two nodes' errors, m^2 in any direction.
 
-        Brownian bridges over the way l between the nodes: with h = s (l - s) / l, translation adds h, rotation
-        l h^2 / 3 (its integral), and a turn somewhere on the way at most h^2.
+        Brownian bridges over the distance l between the nodes: with h = s (l - s) / l, translation adds h, rotation
+        l h^2 / 3 (its integral), and a turn somewhere between them at most h^2.
         """
         after = np.minimum(before + 1, len(self) - 1)
-        way = self.trajectory.distance[self.keyframe[after]] - self.trajectory.distance[self.keyframe[before]]
+        length = self.trajectory.distance[self.keyframe[after]] - self.trajectory.distance[self.keyframe[before]]
         turned = turned_so_far(self.trajectory)
         turn = turned[self.keyframe[after]] - turned[self.keyframe[before]]
-        h = share * (1 - share) * way
+        h = share * (1 - share) * length
         drift = self.drift
         return np.asarray(
             drift.translation_walk**2 * h
-            + drift.rotation_walk**2 * way * h**2 / 3
+            + drift.rotation_walk**2 * length * h**2 / 3
             + drift.rotation_walk_turning**2 * turn * h**2
         )
+
+
+@dataclass(frozen=True, eq=False)
+class TeamNodes:
+    """The nodes of several robots, and which of them their links join.
+
+    Nodes of all robots are numbered one robot after the other.
+
+    Args:
+        nodes: of each robot.
+        links: kept measurements of pairs of robots.
+        ends: for each pair, the node (of its robot) of each link at a and at b.
+    """
+
+    nodes: Mapping[str, GraphNodes]
+    links: Mapping[tuple[str, str], KeptLinks]
+    ends: Mapping[tuple[str, str], tuple[IntArray, IntArray]]
+
+    @classmethod
+    def along(
+        cls,
+        trajectories: Mapping[str, Trajectory],
+        links: Mapping[tuple[str, str], KeptLinks],
+        spacing: NodeSpacing,
+    ) -> TeamNodes:
+        """Nodes at all links of each robot, and between them."""
+        nodes, at = {}, {}
+        for robot, trajectory in trajectories.items():
+            pairs = [pair for pair in links if robot in pair]
+            ends = [links[pair].links.at(robot) for pair in pairs]
+            nodes[robot] = GraphNodes.along(
+                trajectory,
+                np.concatenate([np.zeros(0, np.int64), *(keyframe for keyframe, _ in ends)]),
+                np.concatenate([np.zeros((0, 3)), *(antenna for _, antenna in ends)]),
+                spacing,
+            )
+            parts = np.split(nodes[robot].of_link, np.cumsum([len(keyframe) for keyframe, _ in ends])[:-1])
+            at[robot] = dict(zip(pairs, parts, strict=True))
+        return cls(nodes, links, {(a, b): (at[a][a, b], at[b][a, b]) for a, b in links})
+
+    @property
+    def first(self) -> dict[str, int]:
+        """Number of each robot's first node."""
+        return dict(zip(self.nodes, np.cumsum([0, *(len(n) for n in self.nodes.values())]).tolist(), strict=False))
+
+    @property
+    def linked(self) -> BoolArray:
+        """`(K,)` which of all nodes have a link."""
+        first, linked = self.first, np.zeros(sum(len(n) for n in self.nodes.values()), bool)
+        for (a, b), (at_a, at_b) in self.ends.items():
+            linked[first[a] + at_a] = linked[first[b] + at_b] = True
+        return linked
 
 
 def without_bias(drift: DriftModel, length_m: float) -> DriftModel:
     """A drift model of random walks only, that is nowhere below the given one on a trajectory of this length.
 
-    A bias' variance grows with the square of the way, b^2 s^2 <= (b^2 length) s.  Factors between neighbouring nodes
-    are independent and cannot share a bias.
+    A bias' variance grows with the square of the distance, b^2 s^2 <= (b^2 length) s.  Factors between neighbouring
+    nodes are independent and cannot share a bias.
     """
     return DriftModel(
         translation_walk=float(np.hypot(drift.translation_walk, drift.translation_bias * np.sqrt(length_m))),
@@ -131,9 +197,9 @@ def turned_so_far(trajectory: Trajectory) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))])
 
 
-def _stations(trajectory: Trajectory, links: IntArray, settings: SharedTrajectorySettings) -> IntArray:
+def _stations(trajectory: Trajectory, links: IntArray, spacing: NodeSpacing) -> IntArray:
     """Keyframes for further nodes: both ends, and so many that no two nodes are further apart than allowed."""
-    stage = trajectory.distance / settings.node_spacing_m + turned_so_far(trajectory) / settings.node_turn_rad
+    stage = trajectory.distance / spacing.metres + turned_so_far(trajectory) / spacing.turn_rad
     stage = stage * min(1.0, MOST_NODES / max(stage[-1], 1.0))
     fixed = np.unique(np.concatenate([links, [0, len(trajectory) - 1]]))
     gaps = np.ceil(np.diff(stage[fixed])).astype(np.int64)

@@ -14,19 +14,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import gtsam
 import numpy as np
-from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray
-from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.types import BoolArray, FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
+from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
-from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_prior, odometry_factors
+from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_factors, step_factors
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # The drift is scaled again where it grew by this factor, at most so often.
@@ -52,6 +52,8 @@ class JointEstimate:
     T_world_node: FloatArray
     covariance: JointCovariance
     dimensions: int
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
+    alternatives: ClassVar[int] = 1
 
     def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots."""
@@ -143,54 +145,51 @@ class JointEstimate:
 
 
 def estimate(
-    nodes: Mapping[str, GraphNodes],
+    team: TeamNodes,
     T_world_odom: Mapping[str, FloatArray],
-    links: Mapping[tuple[str, str], KeptLinks],
-    rows: Mapping[tuple[str, str], tuple[IntArray, IntArray]],
-    settings: FilterSettings,
+    prior: FramePrior,
+    *,
+    robust_threshold: float,
+    drift_weight: float,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
     Args:
-        nodes: of each robot; the first robot's odometry frame becomes the shared frame.
+        team: nodes and links; the first robot's odometry frame becomes the shared frame.
         T_world_odom: first guess of each robot's odometry frame.
-        links: kept measurements of pairs of robots.
-        rows: for each pair, the node (of its robot) of each link at a and at b.
-        settings: kernel, gravity.
+        prior: on how the other robots' frames lie in it.
+        robust_threshold: of the kernel on ranges and bearings, in standard deviations.
+        drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
     """
-    first = dict(zip(nodes, np.cumsum([0, *(len(n) for n in nodes.values())]).tolist(), strict=False))
-    initial, others = gtsam.Values(), gtsam.NonlinearFactorGraph()
+    nodes, first, linked = team.nodes, team.first, team.linked
+    initial = gtsam.Values()
     for robot, own in nodes.items():
         add_first_guess(initial, first[robot], own, T_world_odom[robot])
-    for number, robot in enumerate(nodes):
-        others.add(frame_prior(initial, first[robot], number == 0, settings))
-    for (a, b), kept in links.items():
-        add_links(others, kept, first[a] + rows[a, b][0], first[b] + rows[a, b][1], settings)
-    linked = np.zeros(len(initial.keys()), bool)
-    for (a, b), (at_a, at_b) in rows.items():
-        linked[first[a] + at_a] = linked[first[b] + at_b] = True
-    as_modelled = odometry_factors(nodes, first)
+    others = frame_factors(initial, {robot: first[robot] for robot in nodes}, prior)
+    for (a, b), kept in team.links.items():
+        at_a, at_b = team.ends[a, b]
+        add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
+    as_modelled = step_factors(nodes, first)
     values, covariance = _solved(as_modelled, others, initial, linked)
-    # The links tell how good the odometry is; then once more with what they told.  Where it is far worse than thought,
-    # the kernel kept down the links that say so, and they have more to tell.
-    scale, weight = 1.0, settings.shared_trajectory.drift_weight
+    # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
+    # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
+    scale = 1.0
     for _ in range(MOST_RESCALINGS):
         before = scale
-        scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=weight)
+        scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=drift_weight)
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
-        values, covariance = _solved(odometry_factors(scaled, first), others, values, linked)
+        values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
-    dimensions = 2 if settings.alignment.gravity_aligned else 3
-    return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), dimensions)
+    return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
 
 
 def _solved(
     odometry: gtsam.NonlinearFactorGraph,
     others: gtsam.NonlinearFactorGraph,
     initial: gtsam.Values,
-    linked: NDArray[np.bool_],
+    linked: BoolArray,
 ) -> tuple[gtsam.Values, JointCovariance]:
     """Optimum of all factors, and the covariance there, each node's in its own axes."""
     graph = gtsam.NonlinearFactorGraph()

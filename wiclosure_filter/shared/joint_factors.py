@@ -9,12 +9,11 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.shared.frame_prior import UNKNOWN_M, UNKNOWN_RAD, FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
-# Sigmas of what nothing is known of, small enough for well-conditioned equations.
-UNKNOWN_M, UNKNOWN_RAD, ANCHOR_SIGMA = 1e4, 3.0, 1e-4
+ANCHOR_SIGMA = 1e-4  # rad, m: holds the first frame, and is small enough for well-conditioned equations
 
 
 def add_first_guess(initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray) -> None:
@@ -24,7 +23,7 @@ def add_first_guess(initial: gtsam.Values, first: int, nodes: GraphNodes, T_worl
         initial.insert(first + number, gtsam.Pose3(T_world_node))
 
 
-def odometry_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) -> gtsam.NonlinearFactorGraph:
+def step_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) -> gtsam.NonlinearFactorGraph:
     """Between neighbouring nodes of each robot; `first` is the key of its first node."""
     graph = gtsam.NonlinearFactorGraph()
     for robot, own in nodes.items():
@@ -34,24 +33,29 @@ def odometry_factors(nodes: Mapping[str, GraphNodes], first: Mapping[str, int]) 
     return graph
 
 
-def frame_prior(initial: gtsam.Values, key: int, anchor: bool, settings: FilterSettings) -> gtsam.NonlinearFactor:
-    """Holds the first robot; of the others only what gravity and the ground tell: tilt, and roughly the height."""
-    sigmas = np.full(6, ANCHOR_SIGMA) if anchor else level_sigmas(settings)
-    return gtsam.PriorFactorPose3(key, initial.atPose3(key), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
-
-
-def level_sigmas(settings: FilterSettings) -> FloatArray:
-    """`(6,)` of an odometry frame in another before anything is measured: tilt and height, hardly more."""
-    alignment, shared = settings.alignment, settings.shared_trajectory
-    tilt = np.sqrt(2.0) * shared.gravity_sigma_rad if alignment.gravity_aligned else alignment.tilt_sigma_rad
-    return np.array([tilt, tilt, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M, alignment.height_sigma_m])
+def frame_factors(initial: gtsam.Values, first: Mapping[str, int], prior: FramePrior) -> gtsam.NonlinearFactorGraph:
+    """Holds the frame of the first robot; of the others, what is known of them before anything is measured."""
+    graph = gtsam.NonlinearFactorGraph()
+    for number, key in enumerate(first.values()):
+        sigmas = np.full(6, ANCHOR_SIGMA) if number == 0 else prior.sigmas
+        noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
+        graph.add(gtsam.PriorFactorPose3(key, initial.atPose3(key), noise))
+    return graph
 
 
 def add_links(
-    graph: gtsam.NonlinearFactorGraph, kept: KeptLinks, key_a: IntArray, key_b: IntArray, settings: FilterSettings
+    graph: gtsam.NonlinearFactorGraph, kept: KeptLinks, key_a: IntArray, key_b: IntArray, robust_threshold: float
 ) -> None:
-    """Ranges, bearings and headings as separate factors: a false range does not spoil a true bearing."""
-    kernel = gtsam.noiseModel.mEstimator.Cauchy(settings.shared_trajectory.robust_threshold)
+    """Ranges, bearings and headings as separate factors: a false range does not spoil a true bearing.
+
+    Args:
+        graph: takes them.
+        kept: L links.
+        key_a: `(L,)` keys of the nodes at a.
+        key_b: those at b.
+        robust_threshold: of the Cauchy kernel, in standard deviations.
+    """
+    kernel = gtsam.noiseModel.mEstimator.Cauchy(robust_threshold)
     links = kept.links
     with_yaw = int(np.isfinite(links.yaw).sum())
     for row in range(len(kept)):

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory, WirelessLog
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links.gathering import links_between
+from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
 from wiclosure.wiclosure_filter.links.links import Links
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
@@ -35,17 +33,8 @@ class KeptLinks:
         return len(self.links)
 
     @classmethod
-    def of(
-        cls,
-        hypothesis: AlignmentHypothesis,
-        robot_a: str,
-        robot_b: str,
-        trajectories: Mapping[str, Trajectory],
-        wireless: WirelessLog,
-        settings: AlignmentSettings,
-    ) -> KeptLinks:
-        """Looks up what `hypothesis.paths_kept` names."""
-        links = links_between(robot_a, robot_b, trajectories, wireless, settings)
+    def of(cls, hypothesis: AlignmentHypothesis, links: Links) -> KeptLinks:
+        """Those of the links that `hypothesis.paths_kept` names."""
         path_of = dict(hypothesis.paths_kept)
         kept = np.flatnonzero([int(m) in path_of for m in links.measurement])
         links = links.subset(kept)

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, Trajectory
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel, ShortestRoutes
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
@@ -47,6 +48,8 @@ class ShortestRouteEstimate:
     keyframe_a: IntArray
     keyframe_b: IntArray
     dimensions: int
+    kind: ClassVar[PredictionKind] = PredictionKind.POSE
+    alternatives: ClassVar[int] = 1
 
     @classmethod
     def of(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage
 from wiclosure.pipeline.sources.messages.point_times import PointClock, strays
 from wiclosure.types import Float32Array, FloatArray, Scan
 
@@ -29,24 +30,6 @@ FORMATS: Mapping[int, str] = {
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
-
-
-class TimeMessage(Protocol):
-    """`builtin_interfaces/Time`, as rosbags makes it."""
-
-    @property
-    def sec(self) -> int: ...  # noqa: D102  -- named by ROS
-    @property
-    def nanosec(self) -> int: ...  # noqa: D102
-
-
-class HeaderMessage(Protocol):
-    """`std_msgs/Header`, as rosbags makes it."""
-
-    @property
-    def stamp(self) -> TimeMessage: ...  # noqa: D102
-    @property
-    def frame_id(self) -> str: ...  # noqa: D102
 
 
 class PointFieldMessage(Protocol):

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
+from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
     from rosbags.typesys.store import Typestore
-
-Encoding: TypeAlias = Literal["ros1", "cdr"]
 
 
 @cache

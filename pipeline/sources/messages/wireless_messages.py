@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.pointcloud2 import HeaderMessage, TimeMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, WirelessMeasurement
 
 if TYPE_CHECKING:

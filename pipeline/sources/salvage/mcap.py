@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from wiclosure.pipeline.sources.salvage.recover import FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import FoundMessage, FoundTopic
 from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:

@@ -11,9 +11,11 @@ import sqlite3
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from wiclosure.pipeline.sources.messages.ros_types import Encoding
+from wiclosure.pipeline.sources.salvage.found import FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
+from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
@@ -21,31 +23,11 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-class FoundTopic(NamedTuple):
-    """What a recording says of a topic."""
-
-    name: str
-    msgtype: str
-    definition: MessageDefinition
-    encoding: Encoding
-
-
-class FoundMessage(NamedTuple):
-    """One message, still serialised."""
-
-    topic: FoundTopic
-    stamp_ns: int
-    data: bytes
-
-
 Scanner: TypeAlias = Callable[[Path], Iterator[FoundMessage]]
 
 
 def scan_file(path: Path, kind: str) -> Iterator[FoundMessage]:
     """All whole messages of one file of the given kind (`ros1`, `mcap` or `sqlite3`)."""
-    from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
-    from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
-
     scanners: Mapping[str, Scanner] = {"ros1": scan_ros1, "mcap": scan_mcap, "sqlite3": scan_sqlite3}
     return scanners[kind](path)
 

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from wiclosure.pipeline.sources.salvage.recover import FoundMessage, FoundTopic
+from wiclosure.pipeline.sources.salvage.found import FoundMessage, FoundTopic
 
 logger = logging.getLogger(__name__)
 

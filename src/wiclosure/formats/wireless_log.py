@@ -11,7 +11,6 @@ Angles are radians, azimuth counter-clockwise from x forward, elevation up from 
 
 from __future__ import annotations
 
-import difflib
 import json
 import logging
 import math
@@ -23,6 +22,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.stamps import seconds_text
+from wiclosure.suggestions import did_you_mean
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ def read_wireless_log(path: Path | str) -> WirelessLog:
                 degrees.check(line_number, [headings[-1].heading])
             else:
                 measurements.append(_measurement(record))
-                degrees.check(line_number, _angles(measurements[-1].paths))
+                degrees.check(line_number, _angles(record))
         except InputError as error:
             raise InputError(f"{path}, line {line_number}: {error}") from error
     degrees.warn(path)
@@ -127,9 +127,9 @@ def _check_keys(record: _Record, kind: str) -> None:
         raise InputError(f'{kind} record without "{missing[0]}"; add it')
     unknown = sorted(record.keys() - required - optional)
     if unknown:
-        near = difflib.get_close_matches(unknown[0], required | optional, n=1)
-        hint = f'did you mean "{near[0]}"?' if near else f"known keys: {', '.join(sorted(required | optional))}"
-        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint}")
+        known = sorted(required | optional)
+        hint = did_you_mean(unknown[0], known) or f"known keys: {', '.join(known)}"
+        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint.strip()}")
 
 
 def _measurement(record: _Record) -> WirelessMeasurement:
@@ -174,8 +174,11 @@ def _path(entry: object) -> AoaPath:
         raise InputError(f'a path is {_shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
     _check_keys(entry, "path")
     weight = _optional(entry, "weight", _number)
+    azimuth = _number(entry, "azimuth")
+    if abs(azimuth) > _LARGEST_ANGLE_RAD:  # warned of, not refused: it may be radians over several turns
+        azimuth = math.remainder(azimuth, 2 * math.pi)
     return AoaPath(
-        azimuth=_number(entry, "azimuth"),
+        azimuth=azimuth,
         sigma=_number(entry, "sigma"),
         weight=1.0 if weight is None else weight,
         elevation=_optional(entry, "elevation", _number),
@@ -254,10 +257,11 @@ class _Degrees:
             )
 
 
-def _angles(paths: tuple[AoaPath, ...]) -> Iterator[float]:
-    for path in paths:
-        yield path.azimuth
-        yield path.sigma
+def _angles(record: _Record) -> Iterator[float]:
+    """Azimuths and sigmas as they stand in a measurement's record."""
+    for path in record.get("paths") or ():
+        yield float(path["azimuth"])
+        yield float(path["sigma"])
 
 
 # ------------------------------------------------------------------------------------------------------------- writing

@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 
 from wiclosure.pipeline import cli
-from wiclosure.pipeline.cli.simulate import World
+from wiclosure.pipeline.cli.simulate import ScenarioOptions
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.scenario_source import scenario_settings
 from wiclosure.simulation import make_scenario
 from wiclosure.simulation.radio import RadioSettings
 
 
-def radio(world: World) -> RadioSettings:
+def radio(world: ScenarioOptions) -> RadioSettings:
     return make_scenario("static-mirror", scenario_settings(world.words(), "simulate")).radio
 
 
 def test_what_is_not_chosen_stays_the_scenarios_own() -> None:
-    assert radio(World()) == make_scenario("static-mirror").radio
+    assert radio(ScenarioOptions()) == make_scenario("static-mirror").radio
 
 
 def test_options_of_the_radio() -> None:
     chosen = radio(
-        World(
+        ScenarioOptions(
             radio_every_m=3,
             radio_reach_m=40,
             radio_dropout=0.2,
@@ -42,13 +42,13 @@ def test_options_of_the_radio() -> None:
     assert (chosen.every_m, chosen.every_s, chosen.max_range_m, chosen.dropout) == (3, 2, 40, 0.2)
     assert (chosen.direct_absent, chosen.direct_absent_blocked) == (0.25, 0.25)
     assert (chosen.direction, chosen.heading_sigma_deg, chosen.paths) == ("reciprocal", 4, 2)
-    assert radio(World(heading_sigma_deg=4, no_headings=True)).heading_sigma_deg is None
+    assert radio(ScenarioOptions(heading_sigma_deg=4, no_headings=True)).heading_sigma_deg is None
 
 
 def test_paths_are_taken_as_they_are(tmp_path: Path) -> None:
     schedule = tmp_path / "08: first, #1.csv"
     schedule.write_text("start_s,end_s\n0,5\n")
-    assert len(radio(World(schedule=schedule)).schedule) == 1
+    assert len(radio(ScenarioOptions(schedule=schedule)).schedule) == 1
 
 
 POSES = "1 0 0 0 0 1 0 0 0 0 1 "
@@ -90,7 +90,7 @@ BAD = {
         (["static-mirror", "--out", "/proc/data"], ["/proc", "--out"]),
         (["kitti08"], ["--poses"]),
         (["kitti08", "--poses", "missing.txt"], ["missing.txt"]),
-        (["kitti08", "--poses", "words.txt"], ["words.txt", "12 numbers a line"]),
+        (["kitti08", "--poses", "words.txt"], ["words.txt", "12 numbers per line"]),
         (["kitti08", "--poses", "short.txt"], ["short.txt", "30 lines of 3 numbers"]),
         (["kitti08", "--poses", "few.txt"], ["few.txt", "5 lines"]),
         (["kitti08", "--poses", "still.txt"], ["still.txt", "less than 50 m"]),

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wiclosure.errors import ConfigError
+from wiclosure.pipeline.cli.compare import make_plan
 from wiclosure.pipeline.cli.options import Configuration, Reading
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome, Plan, compare
-from wiclosure.pipeline.comparison.figures import FIGURES, closing_seconds, summaries
-from wiclosure.pipeline.comparison.plan import make_plan
-from wiclosure.pipeline.comparison.tables import comparison_json, comparison_markdown, write_tables
-from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.comparison.arms import compare
+from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.evaluation.funnel import STAGES
 from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
@@ -102,115 +96,3 @@ def test_worlds_differ_by_seed_and_random_keeps_what_wiclosure_kept(tmp_path: Pa
         assert (tmp_path / f"seed-{seed}" / "random" / "config.yaml").is_file()
     first, second = (o.metrics["ate_odometry_m"]["team"] for o in compared.arms["small-site", "wiclosure"])
     assert first != second
-
-
-@pytest.mark.parametrize(
-    ("words", "parts"),
-    [
-        (("none,magick",), ["magick"]),
-        (("none,oracl",), ["oracl", "did you mean oracle"]),
-        (("none,none",), ["none is named twice"]),
-        (("",), ["--filters"]),
-        (("none", "disco-prak"), ["disco-prak", "did you mean disco-park"]),
-        (("none", "strong,disco-park,strong"), ["strong is named twice"]),
-    ],
-)
-def test_bad_plans_are_one_sentence(words: tuple[str, ...], parts: list[str]) -> None:
-    with pytest.raises(ConfigError) as error:
-        make_plan(["alpha"], *words, configuration=Configuration(), reading=Reading())
-    for part in parts:
-        assert part in str(error.value)
-
-
-# -------------------------------------------------------------------------------------------------------------- tables
-def metrics(ate_m: float | None, seconds: float, false: int = 0) -> dict:
-    """`metrics.json` as far as comparisons read it."""
-    stages = dict.fromkeys(("odometry", "descriptors", "filter", "matching", "verification", "optimisation"), seconds)
-    found = {"precision": 0.5, "recall": 0.9, "false_rejected": 0.75, "pruned": 0.7}
-    return {
-        "ate_m": {"team": ate_m},
-        "ate_horizontal_m": {"team": ate_m},
-        "ate_odometry_m": {"team": 0.25},
-        "components": [{"robots": ["alpha", "beta"], "ate_m": ate_m}],
-        "candidates": found,
-        "candidates_registrable": found,
-        "closures": {"accepted_true": 8, "accepted_false": false},
-        "funnel": [{"stage": stage, "count": 9, "true": 8, "false": 1} for stage in STAGES],
-        "seconds": stages | {"mapping": 0.0, "total": 6 * seconds},
-        "seconds_spent": stages | {"odometry": 0.0, "mapping": 0.0, "total": 5 * seconds},
-        "bytes_exchanged": 1000,
-        "peak_rss_mb": None,
-    }
-
-
-def comparison_of(value: Callable[[str, int], dict], seeds: int = 6) -> Comparison:
-    plan = Plan({"strong": Config(), "loose": Config()}, ("none", "wiclosure"), ())
-    outcomes = tuple(
-        Outcome(seed, preset, name, Path(f"seed-{seed}", preset, name), value(name, seed))
-        for preset in plan.configs
-        for name in plan.filters
-        for seed in range(seeds)
-    )
-    return Comparison(plan, outcomes)
-
-
-@pytest.fixture
-def repeated() -> Comparison:
-    """Six worlds in which the filter halves the time, and connects robots that are lost without it in world 0."""
-    alone = [None, 10.0, 11.0, 12.0, 13.0, 14.0]
-    return comparison_of(lambda name, n: metrics(0.5, 1.0) if name == "wiclosure" else metrics(alone[n], 2.0, false=3))
-
-
-def test_an_arm_is_compared_seed_by_seed_with_the_base_of_its_preset(repeated: Comparison) -> None:
-    base, arm = summaries(repeated)[:2]
-    assert (base.preset, base.filter, base.saving_percent, base.against_base) == ("strong", "none", None, {})
-    assert (arm.preset, arm.filter, arm.runs) == ("strong", "wiclosure", 6)
-    assert arm.saving_percent is not None
-    assert arm.saving_percent.median == pytest.approx(50.0)
-    assert (arm.against_base["ate_m"].better, arm.against_base["ate_m"].p) == (6, pytest.approx(2 / 64))
-    assert arm.against_base["ate_m"].test == "sign test"  # a failure has no size
-    assert "Wilcoxon" in arm.against_base["accepted_false"].test
-    assert math.isinf(base.figures["ate_m"].largest)
-    assert closing_seconds(arm.seconds) == pytest.approx(4.0)
-
-
-def test_the_csv_has_one_row_for_each_run_and_every_column_is_documented(repeated: Comparison, tmp_path: Path) -> None:
-    write_tables(tmp_path, repeated)
-    with (tmp_path / "comparison.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * 2 * 6
-    assert [row["ate_m"] for row in rows[:2]] == ["", "10.0"]
-    assert float(rows[6]["saving_percent"]) == pytest.approx(50.0)
-    assert (rows[0]["pcm_true"], rows[0]["scan_context_false"]) == ("8", "1")
-    documented = (Path(__file__).resolve().parents[3] / "docs" / "comparison.md").read_text(encoding="utf-8")
-    stages = {f"seconds_{stage}" for stage in repeated.outcomes[0].metrics["seconds"]}
-    counts = {f"{stage.lower().replace(' ', '_')}{of}" for stage in STAGES for of in ("", "_true", "_false")}
-    spent = {stage.replace("seconds_", "spent_") for stage in stages}
-    for column in set(rows[0]) - stages - counts - spent:
-        assert f"`{column}`" in documented, column
-
-
-def test_json_and_markdown_say_the_same_and_hold_no_infinity(repeated: Comparison) -> None:
-    content = json.loads(json.dumps(comparison_json(repeated), allow_nan=False))
-    assert set(content) == {"base", "remarks", "arms", "runs"}
-    assert content["arms"][0]["figures"]["ate_m"]["largest"] is None
-    assert content["runs"][0]["metrics"] == repeated.outcomes[0].metrics
-    text = comparison_markdown(repeated)
-    assert "not connected" in text
-    assert "| strong wiclosure | 6 | 0.5 |" in text
-    assert "6.00 / 5.00" in text  # total of the filter's arm, uncached and spent
-    assert all(figure.label in text for figure in FIGURES.values())
-
-
-def test_figures_without_ground_truth_are_left_out() -> None:
-    nothing = dict.fromkeys(("precision", "recall", "false_rejected"))
-
-    def unknown(name: str, seed: int) -> dict:
-        own = metrics(None, 1.0)
-        own |= {"ate_odometry_m": {"team": None}, "candidates": nothing | {"pruned": 0.5}}
-        return own | {"closures": {"accepted_true": None, "accepted_false": None}}
-
-    arm = summaries(comparison_of(unknown, seeds=1))[1]
-    assert {"ate_m", "accepted_true", "missed_percent"}.isdisjoint(arm.figures)
-    assert {"closing_s", "filter_share_percent"} <= set(arm.figures)
-    assert "not connected" not in comparison_markdown(comparison_of(unknown, seeds=1))

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome, Plan
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.pictures import draw_errors, draw_funnel
+from wiclosure.pipeline.comparison.plan import Plan
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.evaluation.funnel import STAGES
 from wiclosure.pipeline.report import pictures

@@ -10,9 +10,9 @@ import pytest
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline import cli
-from wiclosure.pipeline.comparison.arms import Comparison, Outcome
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS
-from wiclosure.pipeline.comparison.reproduction import FILTERS, plan_of, report, tables, verdicts
+from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
+from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, report, tables, verdicts
 
 
 def metrics(ate_m: float | None, total_s: float) -> dict:
@@ -36,7 +36,7 @@ def reproduced(name: str, lost_alone: float | None) -> Comparison:
     outcomes = tuple(
         Outcome(seed, preset, chosen, Path(), metrics(lost_alone if chosen == "none" else 0.5, 40.0 + seed))
         for preset in experiment.presets
-        for chosen in FILTERS
+        for chosen in ARMS
         for seed in range(3)
     )
     return Comparison(plan, outcomes)
@@ -48,7 +48,7 @@ def test_every_row_of_the_paper_stands_beside_ours(name: str, lost_alone: float 
     experiment, compared = EXPERIMENTS[name], reproduced(name, lost_alone)
     assert list(tables(experiment, compared)) == list(experiment.presets)
     for header, rows in tables(experiment, compared).values():
-        assert all(len(row) == len(header) == 3 + len(FILTERS) for row in rows)
+        assert all(len(row) == len(header) == 3 + len(ARMS) for row in rows)
         assert [tuple(row[:3]) for row in rows[:5]] == list(experiment.paper)
         by_label = {row[0]: row[3:] for row in rows}
         assert by_label["ATE (m)"] == ["17" if lost_alone else "not connected", "0.5", "0.5"]
@@ -95,6 +95,4 @@ def test_shell_space_through_the_command_line(
     assert "Table II" in capsys.readouterr().out
     assert "| Total Wi-Closure time (s) | N/A | 0.5 |" in (tmp_path / "out" / "reproduce.md").read_text()
     runs = json.loads((tmp_path / "out" / "comparison.json").read_text())["runs"]
-    assert [(run["preset"], run["filter"]) for run in runs] == [
-        (p, f) for p in ("disco-park", "strong") for f in FILTERS
-    ]
+    assert [(run["preset"], run["filter"]) for run in runs] == [(p, f) for p in ("disco-park", "strong") for f in ARMS]

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.body_axes import body_rotation, in_lidar_axes
 from wiclosure.pipeline.evaluation.errors import Matched
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
-from wiclosure.types import Closure, Decision, Evidence, FilterResult, KeyframeId, Trajectory
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
+from wiclosure.types import Closure, FilterResult, KeyframeId, Stage, Trajectory
 
 SECOND = 1_000_000_000
 CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # its x right, y down, z ahead, in the LiDAR
@@ -107,21 +108,16 @@ TRUE = {"alpha": drive(5), "beta": drive(6, "beta")}
 
 def figures(truth: dict[str, Trajectory]):
     closures = [
-        Closure(
+        Closure.from_measurement(
             KeyframeId("alpha", n),
             KeyframeId("beta", 2 * n),
             se3.between(TRUE["alpha"].poses[n], TRUE["beta"].poses[2 * n]),
             np.eye(6),
-            Evidence(),
-            Decision.ACCEPTED,
-        )
+        ).accepted(Stage.ESTIMATE)
         for n in range(10)
     ]
     found = Findings(
         filtered=FilterResult("none", (), 0),
-        registered=closures,
-        verified=closures,
-        consistent=closures,
         closures=closures,
         components=(("alpha", "beta"),),
         keyframes={robot: noisy(t, 1, 0.01, 0.001).moved(se3.inverse(t.poses[0])) for robot, t in TRUE.items()},

@@ -21,16 +21,16 @@ from wiclosure.pipeline.evaluation.errors import (
     rms,
     truth_at,
 )
-from wiclosure.pipeline.evaluation.evaluate import EvaluationSettings, Findings, evaluate
+from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.funnel import STAGES
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import (
     CandidatePairs,
     Closure,
-    Decision,
-    Evidence,
     FilterResult,
     FrameAlignment,
     KeyframeId,
+    Stage,
     Trajectory,
 )
 
@@ -176,10 +176,11 @@ COSTS = {"seconds": {"total": 1.0}, "seconds_spent": {"total": 0.5}, "bytes_exch
 class TestWholeEvaluation:
     """`metrics.json` of small runs with known answers."""
 
-    def closure(self, a, b, error=0.0, decision=Decision.ACCEPTED):
+    def closure(self, a, b, error=0.0, rejected_at=None):
         T = se3.between(TRUTH["alpha"].poses[a], TRUTH["beta"].poses[b])
         T = T @ se3.from_yaw(0.0, np.array([error, 0.0, 0.0]))
-        return Closure(KeyframeId("alpha", a), KeyframeId("beta", b), T, np.eye(6), Evidence(), decision)
+        closure = Closure.from_measurement(KeyframeId("alpha", a), KeyframeId("beta", b), T, np.eye(6))
+        return closure.accepted(Stage.ESTIMATE) if rejected_at is None else closure.rejected(rejected_at, "wrong")
 
     def run(self, truth=TRUTH, **changes):
         odometry = {r: t.moved(se3.inverse(t.poses[0])) for r, t in TRUTH.items()}
@@ -188,7 +189,7 @@ class TestWholeEvaluation:
             self.closure(3, 4),
             self.closure(5, 6),
             self.closure(9, 9, 20.0),
-            self.closure(7, 8, 0, Decision.REJECTED),
+            self.closure(7, 8, 0, Stage.CONSISTENCY),
         ]
         every = np.arange(80)
         pairs = tuple(
@@ -200,9 +201,6 @@ class TestWholeEvaluation:
         )
         found = Findings(
             filtered=filtered,
-            registered=[replace(c, decision=Decision.VERIFIED) for c in final],
-            verified=[replace(c, decision=Decision.VERIFIED) for c in final],
-            consistent=[replace(c, decision=Decision.VERIFIED) for c in final[:3]] + final[3:],
             closures=final,
             components=(("alpha", "beta", "gamma"),),
             keyframes=odometry,
@@ -258,17 +256,34 @@ class TestWholeEvaluation:
         found = metrics["candidates"]
         assert counts["pairs"] == (19200, found["true"], 19200 - found["true"])
         assert counts["kept"] == (240, found["kept_true"], found["kept_false"])
-        assert counts["registered"] == counts["radio"] == (4, 3, 1)
+        assert counts["registered"] == counts["radio check"] == (4, 3, 1)
         assert counts["PCM"] == (3, 2, 1)
         assert counts["graph"] == (3, 2, 1)
 
-    def test_what_the_radio_refuses_is_lost_between_registration_and_pcm(self):
-        registered = [self.closure(3, 4, 0), self.closure(9, 9, 20.0)]
-        refused = [registered[0], replace(registered[1], decision=Decision.REJECTED)]
-        metrics = self.run(registered=registered, verified=refused, consistent=refused, closures=refused)
-        counts = {stage["stage"]: (stage["true"], stage["false"]) for stage in metrics["funnel"]}
-        assert counts["registered"] == (1, 1)
-        assert counts["radio"] == counts["PCM"] == counts["graph"] == (1, 0)
+    @pytest.mark.parametrize(
+        ("rejected_at", "left"),
+        [
+            (Stage.REGISTRATION, [2, 1, 1, 1, 1]),
+            (Stage.RADIO_CHECK, [2, 2, 1, 1, 1]),
+            (Stage.CONSISTENCY, [2, 2, 2, 1, 1]),
+            (Stage.ESTIMATE, [2, 2, 2, 2, 1]),
+        ],
+    )
+    def test_a_closure_is_lost_where_it_was_rejected(self, rejected_at, left):
+        metrics = self.run(closures=[self.closure(3, 4), self.closure(9, 9, 20.0, rejected_at)])
+        stages = metrics["funnel"][2:]
+        assert [stage["count"] for stage in stages] == left
+        assert [stage["true"] for stage in stages[1:]] == [1, 1, 1, 1]
+        assert [stage["false"] for stage in stages[1:]] == [count - 1 for count in left[1:]]
+        # What files call verified has been let through by registration and by the radio check.
+        assert metrics["closures"]["verified"] == left[2]
+        assert (metrics["closures"]["proposed"], metrics["closures"]["accepted"]) == (2, 1)
+
+    def test_closures_that_were_never_measured_count_as_proposed_only(self):
+        bare = Closure(KeyframeId("alpha", 3), KeyframeId("beta", 4)).rejected(Stage.REGISTRATION, "too few points")
+        metrics = self.run(closures=[bare])
+        assert [stage["count"] for stage in metrics["funnel"][2:]] == [1, 0, 0, 0, 0]
+        assert metrics["closures"]["verified_false"] == 0
 
     def test_odometry_without_drift_has_no_error_of_its_own(self):
         assert self.run()["ate_odometry_m"]["team"] == pytest.approx(0.0, abs=1e-9)
@@ -306,6 +321,6 @@ class TestWholeEvaluation:
         assert metrics["alignment"]["alpha-gamma"]["rotation_error_deg"] is None
 
     def test_no_closures_and_no_pairs(self):
-        metrics = self.run(filtered=FilterResult("none", (), 0), verified=[], consistent=[], closures=[])
+        metrics = self.run(filtered=FilterResult("none", (), 0), closures=[])
         assert metrics["closures"]["accepted_true"] == 0
         assert metrics["candidates"]["recall"] is None

@@ -7,7 +7,7 @@ from wiclosure import se3
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.pictures import draw_candidates
-from wiclosure.types import CandidatePairs, Closure, Decision, Evidence, KeyframeId, Trajectory
+from wiclosure.types import CandidatePairs, Closure, KeyframeId, Stage, Trajectory
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,8 @@ def circle(robot, centre_x):
 
 
 TEAM = {"alpha": circle("alpha", 0.0), "beta": circle("beta", 15.0)}
-CLOSURE = Closure(KeyframeId("alpha", 0), KeyframeId("beta", 25), np.eye(4), np.eye(6), Evidence(), Decision.ACCEPTED)
+MEASURED = Closure.from_measurement(KeyframeId("alpha", 0), KeyframeId("beta", 25), np.eye(4), np.eye(6))
+CLOSURE = MEASURED.accepted(Stage.ESTIMATE)
 
 
 def pixels(path):

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import os
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.runtime.cache import StageCache, Stock, file_identity
+from wiclosure.pipeline.runtime.cache import StageCache, Stock, _modules, code_digest, file_identity
 
 
 class Stage:
@@ -108,3 +109,18 @@ def test_a_size_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, text: s
     monkeypatch.setenv("WICLOSURE_CACHE_GB", text)
     with pytest.raises(ConfigError, match="WICLOSURE_CACHE_GB"):
         StageCache(None)
+
+
+def test_the_code_digest_covers_sub_packages_but_not_the_rooms_of_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "bench_of_tools"
+    (package / "drawer").mkdir(parents=True)
+    for module in (package / "__init__.py", package / "drawer" / "__init__.py", package / "drawer" / "saw.py"):
+        module.write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = code_digest((package.name,))
+    (package / "drawer" / "saw.py").write_text("SHARP = True\n")
+    code_digest.cache_clear()
+    assert code_digest((package.name,)) != before
+    assert not any("pipeline" in str(module) for module in _modules(files("wiclosure"), deep=False))

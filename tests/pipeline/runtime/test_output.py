@@ -14,6 +14,7 @@ from wiclosure.pipeline.runtime.output import (
     require_apart,
     whole_file,
     whole_folder,
+    write_json,
 )
 
 
@@ -123,3 +124,10 @@ def test_default_folders_do_not_collide(tmp_path: Path) -> None:
     first = default_folder(tmp_path)
     time.sleep(0.002)
     assert default_folder(tmp_path) != first
+
+
+def test_json_is_readable_and_knows_no_infinity(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"robot": "müller", "ate_m": None})
+    assert (tmp_path / "a.json").read_text(encoding="utf-8") == '{\n  "robot": "müller",\n  "ate_m": null\n}\n'
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "b.json", float("inf"))

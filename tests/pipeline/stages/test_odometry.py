@@ -13,7 +13,8 @@ import pytest
 from wiclosure.errors import InputError, ProcessError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.inputs import RobotInput, open_inputs
+from wiclosure.pipeline.data.inputs import RobotInput
+from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends, left_out

@@ -1,18 +1,25 @@
 from __future__ import annotations
 
-from dataclasses import astuple
-
 import numpy as np
 import pytest
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.registrations import Clouds, Known, Start, Verification
-from wiclosure.types import Closure, Decision, Evidence, Float32Array, KeyframeId, Prior
+from wiclosure.pipeline.stages.registrations import Clouds, Known, Registered, RegistrationPool, Start
+from wiclosure.types import (
+    Closure,
+    Float32Array,
+    KeyframeId,
+    Prediction,
+    PredictionKind,
+    ScanContextMatch,
+    Stage,
+    survivors,
+)
 
 SETTINGS = RegistrationSettings(voxel_size_m=0.5)
-PRIOR: Prior = (se3.from_yaw(0.1, np.array([0.5, 0.0, 0.0])), 0.5 * np.eye(6))
+PREDICTED = Prediction(se3.from_yaw(0.1, np.array([0.5, 0.0, 0.0])), 0.5 * np.eye(6), PredictionKind.POSE)
 
 
 def room(seed: int) -> Float32Array:
@@ -27,15 +34,9 @@ def room(seed: int) -> Float32Array:
     return np.concatenate([walls, niche]).astype(np.float32)
 
 
-def proposal(query: int, match: int) -> Closure:
-    return Closure(
-        KeyframeId("alpha", query),
-        KeyframeId("beta", match),
-        np.eye(4),
-        np.eye(6),
-        Evidence(scan_context_distance=0.2, scan_context_yaw=0.05),
-        Decision.PROPOSED,
-    )
+def proposal(query: int, match: int, prediction: Prediction | None = None, distance: float = 0.2) -> Closure:
+    ends = KeyframeId("alpha", query), KeyframeId("beta", match)
+    return Closure(*ends, prediction=prediction, scan_context=ScanContextMatch(distance, 0.05))
 
 
 @pytest.fixture(scope="module")
@@ -44,33 +45,57 @@ def clouds() -> Clouds:
 
 
 def test_processes_register_as_one_does(clouds: Clouds) -> None:
-    proposed = [(proposal(a, b), PRIOR if a % 2 else None) for a in range(6) for b in range(6)]
-    alone = Verification(SETTINGS, clouds).verify(proposed, NoProgress())
-    together = Verification(SETTINGS, clouds, jobs=2).verify(proposed, NoProgress())
-    assert {r.closure.decision for r in alone} >= {Decision.VERIFIED}
-    for (closure, _), one, other in zip(proposed, alone, together, strict=True):
-        assert (closure.query, closure.match) == (one.closure.query, one.closure.match)
-        assert (one.closure.decision, one.closure.reason) == (other.closure.decision, other.closure.reason)
-        np.testing.assert_array_equal(one.closure.T_query_match, other.closure.T_query_match)
-        np.testing.assert_array_equal(one.closure.covariance, other.closure.covariance)
-        np.testing.assert_array_equal(astuple(one.closure.evidence), astuple(other.closure.evidence))
+    proposed = [proposal(a, b, PREDICTED if a % 2 else None) for a in range(6) for b in range(6)]
+    alone, _ = RegistrationPool(SETTINGS, clouds).register(proposed, NoProgress())
+    together, _ = RegistrationPool(SETTINGS, clouds, jobs=2).register(proposed, NoProgress())
+    assert survivors(alone, Stage.REGISTRATION)
+    for closure, one, other in zip(proposed, alone, together, strict=True):
+        assert (closure.query, closure.match) == (one.query, one.match)
+        assert (one.rejected_at, one.reason, one.evidence) == (other.rejected_at, other.reason, other.evidence)
+        assert one.measured is not None
+        assert other.measured is not None
+        np.testing.assert_array_equal(one.measured.T_query_match, other.measured.T_query_match)
+        np.testing.assert_array_equal(one.measured.covariance, other.measured.covariance)
 
 
 def test_a_closure_is_registered_once_from_each_start(clouds: Clouds) -> None:
     known: Known = {}
-    verification = Verification(SETTINGS, clouds, known)
-    first = verification.verify(
-        [(proposal(0, 0), PRIOR), (proposal(0, 0), PRIOR), (proposal(0, 0), None)], NoProgress()
-    )
+    pool = RegistrationPool(SETTINGS, clouds, known)
+    first, first_s = pool.register([proposal(0, 0, PREDICTED), proposal(0, 0, PREDICTED), proposal(0, 0)], NoProgress())
     assert len(known) == 2
-    assert first[0] is first[1] is not first[2]
-    again = Verification(SETTINGS, clouds, known).verify([(proposal(0, 0), None)], NoProgress())
-    assert again[0] is first[2]
+    assert first[0].measured is first[1].measured is not first[2].measured
+    seconds = [registered.seconds for registered in known.values()]
+    assert first_s == pytest.approx(2 * seconds[0] + seconds[1])
+    again, again_s = RegistrationPool(SETTINGS, clouds, known).register([proposal(0, 0)], NoProgress())
+    assert again[0].measured is first[2].measured
+    assert again_s == seconds[1]
+
+
+def test_what_is_known_of_a_start_applies_to_a_closure_that_looks_otherwise(clouds: Clouds) -> None:
+    known: Known = {}
+    pool = RegistrationPool(SETTINGS, clouds, known)
+    (first,), _ = pool.register([proposal(0, 0)], NoProgress())
+    (second,), _ = pool.register([proposal(0, 0, distance=0.3)], NoProgress())
+    assert len(known) == 1
+    assert second.scan_context == ScanContextMatch(0.3, 0.05)
+    assert (second.measured, second.passed, second.reason) == (first.measured, first.passed, first.reason)
+
+
+def test_a_closure_with_too_little_to_register_stays_unmeasured() -> None:
+    refused = proposal(0, 0).rejected(Stage.REGISTRATION, "only 3 points of one cloud stand on the ground")
+    again = Registered.of(refused, 0.1).applied_to(proposal(0, 0))
+    assert (again.measured, again.rejected_at, again.reason) == (None, Stage.REGISTRATION, refused.reason)
 
 
 def test_the_start_holds_all_that_a_registration_depends_on() -> None:
-    elsewhere = (se3.from_yaw(0.2, np.zeros(3)), PRIOR[1])
-    vaguer = (PRIOR[0], 2 * PRIOR[1])
-    starts = {Start.of(proposal(0, 1), prior) for prior in (None, PRIOR, elsewhere, vaguer)}
-    assert len(starts | {Start.of(proposal(1, 1), PRIOR), Start.of(proposal(0, 2), PRIOR)}) == 6
-    np.testing.assert_array_equal(Start.of(proposal(0, 1), PRIOR).row[1:17].reshape(4, 4), PRIOR[0])
+    elsewhere = Prediction(se3.from_yaw(0.2, np.zeros(3)), PREDICTED.covariance, PredictionKind.POSE)
+    vaguer = PREDICTED.widened(2.0)
+    heading = Prediction(PREDICTED.T_query_match, PREDICTED.covariance, PredictionKind.HEADING)
+    predictions = (None, PREDICTED, elsewhere, vaguer, heading)
+    starts = {Start.of(proposal(0, 1, prediction)) for prediction in predictions}
+    starts |= {Start.of(proposal(1, 1, PREDICTED)), Start.of(proposal(0, 2, PREDICTED))}
+    assert len(starts) == 7
+    assert len(starts | {Start.of(Closure(KeyframeId("alpha", 0), KeyframeId("beta", 1)))}) == 8
+    row = Start.of(proposal(0, 1, PREDICTED)).row
+    np.testing.assert_array_equal(row[1:17].reshape(4, 4), PREDICTED.T_query_match)
+    np.testing.assert_array_equal(row[17:53].reshape(6, 6), PREDICTED.covariance)

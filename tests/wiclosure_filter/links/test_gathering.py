@@ -11,11 +11,16 @@ from hypothesis import strategies as st
 
 from wiclosure import se3
 from wiclosure.types import AoaPath, FloatArray, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.settings import AlignmentSettings
-from wiclosure.wiclosure_filter.links.gathering import links_between
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.links.links import Links
 
 SETTINGS = AlignmentSettings()
 STAMPS = np.arange(30) * 1_000_000_000
+
+
+def links_of(trajectories: dict[str, Trajectory], wireless: WirelessLog) -> Links:
+    return TeamLinks.of(trajectories, wireless, GatheringLimits.of(AlignmentSettings())).by_pair["a", "b"]
 
 
 def robots(seed: int) -> tuple[dict[str, FloatArray], dict[str, FloatArray], dict[str, Trajectory]]:
@@ -56,7 +61,7 @@ def test_perfect_measurements_are_predicted_exactly(seed: int, frame: str, a_rec
         for n in ("a", "b")
         for k in range(30)
     )
-    links = links_between("a", "b", odometry, WirelessLog((measurement,), headings), SETTINGS)
+    links = links_of(odometry, WirelessLog((measurement,), headings))
     X = se3.between(T_world_odom["a"], T_world_odom["b"])
     v_odom = se3.transform(X, links.antenna_b) - links.antenna_a
     if not a_receives:
@@ -79,7 +84,7 @@ def heard(stamp_s: float, **changes: object) -> WirelessMeasurement:
 def test_measurements_outside_the_time_are_left_out_and_counted() -> None:
     _, _, odometry = robots(0)
     log = WirelessLog((heard(-100), heard(3), heard(29.1), heard(29.5)))
-    links = links_between("a", "b", odometry, log, SETTINGS)
+    links = links_of(odometry, log)
     assert links.measurement.tolist() == [1, 2]
     assert links.left_out == ("2 of 4 measurements lie outside the trajectories' time",)
 
@@ -87,7 +92,7 @@ def test_measurements_outside_the_time_are_left_out_and_counted() -> None:
 def test_bearings_in_world_axes_need_the_receivers_heading() -> None:
     _, _, odometry = robots(0)
     log = WirelessLog((heard(3, aoa_frame="world"), heard(4)))
-    links = links_between("a", "b", odometry, log, SETTINGS)
+    links = links_of(odometry, log)
     assert links.has_bearing.tolist() == [False, True]
     assert links.has_range.all()
     assert "1 bearings in world axes" in links.left_out[0]
@@ -96,7 +101,7 @@ def test_bearings_in_world_axes_need_the_receivers_heading() -> None:
 def test_other_robots_measurements_are_not_looked_at() -> None:
     _, _, odometry = robots(0)
     log = WirelessLog((heard(1, transmitter="c"), heard(2), heard(3, receiver="b", transmitter="a")))
-    links = links_between("a", "b", odometry, log, SETTINGS)
+    links = links_of(odometry, log)
     assert links.measurement.tolist() == [1, 2]
     assert links.a_receives.tolist() == [True, False]
 
@@ -104,14 +109,14 @@ def test_other_robots_measurements_are_not_looked_at() -> None:
 def test_only_the_strongest_of_hundreds_of_paths_are_looked_at() -> None:
     _, _, odometry = robots(0)
     many = tuple(AoaPath(0.01 * k, 0.1, weight=float(k)) for k in range(300))
-    links = links_between("a", "b", odometry, WirelessLog((heard(1, paths=many), heard(2))), SETTINGS)
+    links = links_of(odometry, WirelessLog((heard(1, paths=many), heard(2))))
     assert links.path[0].tolist() == list(range(299, 299 - SETTINGS.radio.max_paths, -1))
     np.testing.assert_allclose(links.weight.sum(axis=1), 1)
 
 
 def test_no_measurement_is_no_link() -> None:
     _, _, odometry = robots(0)
-    assert len(links_between("a", "b", odometry, WirelessLog(), SETTINGS)) == 0
+    assert len(links_of(odometry, WirelessLog())) == 0
 
 
 def test_headings_are_averaged_without_getting_surer() -> None:
@@ -121,9 +126,45 @@ def test_headings_are_averaged_without_getting_surer() -> None:
     headings = tuple(
         Heading(int(STAMPS[k]), n, float(yaw[n][k] + rng.normal(0, 0.05)), 0.05) for n in ("a", "b") for k in range(30)
     )
-    links = links_between("a", "b", odometry, WirelessLog((heard(15),), headings), SETTINGS)
+    links = links_of(odometry, WirelessLog((heard(15),), headings))
     true = se3.yaw(se3.between(T_world_odom["a"], T_world_odom["b"]))
     assert abs(np.angle(np.exp(1j * (links.yaw[0] - true)))) < 0.08
     assert links.yaw_sigma[0] == pytest.approx(0.05 * np.sqrt(2))
-    far = links_between("a", "b", odometry, WirelessLog((heard(15),), headings[:3]), SETTINGS)
+    far = links_of(odometry, WirelessLog((heard(15),), headings[:3]))
     assert np.isnan(far.yaw[0])
+
+
+def test_a_team_is_gathered_once_for_each_two_robots() -> None:
+    _, _, odometry = robots(0)
+    team = odometry | {"c": Trajectory("c", STAMPS, odometry["a"].poses)}
+    log = WirelessLog((heard(1), heard(2, receiver="c", transmitter="b"), heard(3, receiver="zeta")))
+    links = TeamLinks.of(team, log, GatheringLimits.of(SETTINGS)).by_pair
+    assert list(links) == [("a", "b"), ("a", "c"), ("b", "c")]
+    assert [between.measurement.tolist() for between in links.values()] == [[0], [], [1]]
+    assert [between.heard for between in links.values()] == [True, False, True]
+    assert links["b", "c"].a_receives.tolist() == [False]
+
+
+def test_measurements_that_cannot_be_used_were_heard_all_the_same() -> None:
+    _, _, odometry = robots(0)
+    links = links_of(odometry, WirelessLog((heard(-100),)))
+    assert links.heard
+    assert len(links) == 0
+
+
+def test_compasses_are_left_aside_where_asked() -> None:
+    _, _, odometry = robots(0)
+    headings = tuple(Heading(int(STAMPS[k]), name, 0.3, 0.05) for name in ("a", "b") for k in range(30))
+    log = WirelessLog((heard(3),), headings)
+    for heading, known in (("auto", True), ("heading", True), ("one-way", False)):
+        limits = GatheringLimits.of(AlignmentSettings(heading=heading))
+        assert np.isfinite(TeamLinks.of(odometry, log, limits).by_pair["a", "b"].yaw[0]) == known
+
+
+def test_links_tell_where_each_robot_was() -> None:
+    _, _, odometry = robots(0)
+    links = links_of(odometry, WirelessLog((heard(3), heard(7))))
+    for robot, index, antenna in (("a", links.index_a, links.antenna_a), ("b", links.index_b, links.antenna_b)):
+        np.testing.assert_array_equal(links.at(robot)[0], index)
+        np.testing.assert_array_equal(links.at(robot)[1], antenna)
+        np.testing.assert_allclose(antenna, odometry[robot].positions[[3, 7]], atol=1e-9)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from wiclosure.wiclosure_filter.config import GateSettings
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
-from wiclosure.wiclosure_filter.search.pair_model import Extremes, KeyframePlaces, PairModel, ShortestRoutes
+from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel, ShortestRoutes
 
 
 def random_places(rng: np.random.Generator, size: int, nodes: int, d: int, extent: float) -> KeyframePlaces:
@@ -80,19 +80,6 @@ def assert_finds_what_brute_force_finds(seed: int, d: int, shortest: bool, gate_
     model = random_model(seed, d, shortest)
     found = find_overlap(model, make_gate(gate_settings))
     np.testing.assert_array_equal(np.stack([found.index_a, found.index_b], axis=1), brute_force(model, gate_settings))
-
-
-@settings(max_examples=300, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_extremes_cover_the_rectangle(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    table = rng.normal(size=rng.integers(1, 40, 2))
-    rows, columns = (np.sort(rng.integers(0, n, (2, 30)), axis=0) for n in table.shape)
-    largest, smallest = Extremes.of(table, table).over(rows[0], rows[1], columns[0], columns[1])
-    for i in range(30):
-        inside = table[rows[0, i] : rows[1, i] + 1, columns[0, i] : columns[1, i] + 1]
-        assert largest[i] >= inside.max()
-        assert smallest[i] <= inside.min()
 
 
 def crossing_roads(size: int) -> PairModel:

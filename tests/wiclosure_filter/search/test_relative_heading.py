@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.types import AlignmentHypothesis, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.types import (
+    AlignmentHypothesis,
+    FrameAlignment,
+    Heading,
+    PredictionKind,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
-from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading
+from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
 
 YAW = 0.7
 
@@ -25,18 +32,20 @@ def road(robot: str, seed: int) -> Trajectory:
 TEAM = {"alpha": road("alpha", 1), "beta": road("beta", 2)}
 
 
-def ambiguous(rival_yaw: float | None, knowledge: str = "heading") -> FrameAlignment:
+def ambiguous(other_yaw: float | None, knowledge: str = "heading") -> FrameAlignment:
     best = AlignmentHypothesis(se3.from_yaw(YAW, np.array([5.0, 0.0, 0.0])), 0.0, ())
-    rival = None
-    if rival_yaw is not None:
-        rival = AlignmentHypothesis(se3.from_yaw(rival_yaw, np.array([-6.0, 0.0, 0.0])), -1.0, ())
-    return FrameAlignment("alpha", "beta", best, np.eye(6) * 0.05**2, True, "two answers", rival, knowledge)
+    other = None
+    if other_yaw is not None:
+        other = AlignmentHypothesis(se3.from_yaw(other_yaw, np.array([-6.0, 0.0, 0.0])), -1.0, ())
+    return FrameAlignment("alpha", "beta", best, np.eye(6) * 0.05**2, True, "two answers", other, knowledge)
 
 
 def test_rotations_follow_the_compasses_and_positions_stay_open() -> None:
-    settings = FilterSettings()
-    heading = RelativeHeading.of(ambiguous(YAW + 0.02), TEAM, settings)
-    assert heading is not None
+    yaw = compass_yaw(ambiguous(YAW + 0.02), 0.35)
+    assert yaw is not None
+    assert yaw == pytest.approx((YAW, np.hypot(0.05, 0.02)))
+    heading = RelativeHeading(TEAM, *yaw, tilt_sigma_rad=0.07, sensor_range_m=35.0, height_sigma_m=10.0)
+    assert heading.kind is PredictionKind.HEADING
     i, j = (grid.ravel() for grid in np.indices((40, 40)))
     T_a_b, covariance = heading.relative_poses("alpha", i, "beta", j)
     turned = se3.from_yaw(YAW, np.zeros(3)) @ TEAM["beta"].poses[j]
@@ -44,23 +53,23 @@ def test_rotations_follow_the_compasses_and_positions_stay_open() -> None:
     np.testing.assert_allclose(T_a_b[:, :3, :3], expected[:, :3, :3], atol=1e-9)
     assert (np.linalg.eigvalsh(covariance) > 0).all()
     assert (np.sqrt(covariance[:, 2, 2]) < 0.2).all()
-    assert (np.sqrt(covariance[:, 3, 3]) >= settings.gate.sensor_range_m / 2).all()
+    assert (np.sqrt(covariance[:, 3, 3]) >= 17.5).all()
 
 
 @pytest.mark.parametrize(
     ("alignment", "why"),
     [
-        (ambiguous(YAW + np.pi), "a rival is turned the other way"),
+        (ambiguous(YAW + np.pi), "a other is turned the other way"),
         (ambiguous(None, "one-way"), "no compass"),
         (FrameAlignment("alpha", "beta", None, None, True, "nothing agrees", None, "heading"), "no alignment"),
     ],
 )
 def test_nothing_is_told_where_the_heading_is_open(alignment: FrameAlignment, why: str) -> None:
-    assert RelativeHeading.of(alignment, TEAM, FilterSettings()) is None, why
+    assert compass_yaw(alignment, 0.35) is None, why
 
 
 @pytest.mark.parametrize("compasses", [True, False])
-def test_an_ambiguous_pair_passes_whole_and_with_what_compasses_tell(compasses: bool) -> None:
+def test_an_ambiguous_pair_is_kept_whole_and_with_what_compasses_tell(compasses: bool) -> None:
     """Two ranges fix no position, and two headings fix the turn."""
     ranges = tuple(WirelessMeasurement(k * 10**9, "alpha", "beta", 10.0, 0.3) for k in (0, 30))
     headings = tuple(

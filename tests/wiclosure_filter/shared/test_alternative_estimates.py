@@ -11,10 +11,18 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.filter_summary import filter_summary
-from wiclosure.types import FilterResult, FloatArray, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import (
+    FilterResult,
+    FloatArray,
+    Heading,
+    PredictionKind,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
-from wiclosure.wiclosure_filter.shared.alternative_estimates import RivalEstimates
+from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
 
 STRAIGHT = 60  # metres, one keyframe each, before the robot turns
 REACH_M = 8.0
@@ -61,7 +69,7 @@ def filtered(side: int, settings: FilterSettings = SETTINGS) -> tuple[FilterResu
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_pairs_near_under_either_answer_pass_and_no_others(side: int) -> None:
+def test_pairs_near_under_either_answer_are_kept_and_no_others(side: int) -> None:
     result, truth = filtered(side)
     (alignment,), (pairs,) = result.alignments, result.pairs
     assert alignment.ambiguous
@@ -95,7 +103,8 @@ def test_predictions_hold_the_truth(side: int) -> None:
 def test_a_pair_possible_under_one_answer_only_is_predicted_by_that_one() -> None:
     result, _ = filtered(1)
     (pairs,) = result.pairs
-    assert isinstance(pairs.predictor, RivalEstimates)
+    assert isinstance(pairs.predictor, AlternativeEstimates)
+    assert (pairs.predicts, pairs.predictor.alternatives) == (PredictionKind.POSE, 2)
     single = [
         pairs.predictor.overlap_probability(e, "alpha", pairs.index_a, "beta", pairs.index_b)
         for e in pairs.predictor.estimates
@@ -121,7 +130,7 @@ def test_the_budget_and_other_answers_to_ambiguity_hold_here_too() -> None:
         filtered(1, SETTINGS.model_copy(update={"on_ambiguous": "raise"}))
 
 
-def test_the_summary_names_the_rivals() -> None:
+def test_the_summary_names_the_alternatives() -> None:
     summary = json.loads(json.dumps(filter_summary(filtered(1)[0])))
     (alignment,) = summary["alignments"]
     assert len(alignment["rivals"]) == 1

@@ -1,0 +1,71 @@
+"""How commands are found, and how they end."""
+
+from __future__ import annotations
+
+import errno
+import signal
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from wiclosure import __version__
+from wiclosure.errors import InputError
+from wiclosure.pipeline.cli import INTERRUPTED, app
+from wiclosure.pipeline.runtime import cache
+
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(autouse=True)
+def same_signals() -> Iterator[None]:
+    """`main` has SIGTERM and SIGHUP end a command as Ctrl-C does: only here, not in the tests that follow."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_the_commands_are_those_of_the_documentation() -> None:
+    assert {command.name for command in app.registered_commands} >= {
+        *("run", "compare", "reproduce", "demo", "filter", "optimize", "simulate", "split"),
+        *("eval", "info", "dump-config", "cache"),
+    }
+
+
+def test_the_version(wiclosure: Call) -> None:
+    assert wiclosure("--version") == (0, f"wiclosure {__version__}\n", "")
+
+
+def test_nothing_asked_for_is_help(wiclosure: Call) -> None:
+    code, out, err = wiclosure()
+    assert (code, err) == (0, "")
+    assert "wiclosure demo" in out
+
+
+@pytest.mark.parametrize("words", [["rnu"], ["run"], ["run", "--filtre", "none", "a"], ["run", "a", "-n", "0"]])
+def test_wrong_words_are_one_line_that_points_to_help(wiclosure: Call, words: list[str]) -> None:
+    code, out, err = wiclosure(*words)
+    assert (code, out) == (1, "")
+    assert err.startswith("wiclosure: error: ")
+    assert err.endswith("(see wiclosure --help)\n")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "says"),
+    [
+        (InputError("alpha.bag is\n cut; use --salvage"), 1, "wiclosure: error: alpha.bag is cut; use --salvage\n"),
+        (OSError(errno.EACCES, "Permission denied", "a.bag"), 1, "wiclosure: error: a.bag: Permission denied\n"),
+        (KeyboardInterrupt(), INTERRUPTED, "interrupted: nothing is written"),
+    ],
+)
+def test_how_commands_end(
+    wiclosure: Call, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, says: str
+) -> None:
+    def fail() -> None:
+        raise raised
+
+    monkeypatch.setattr(cache, "default_cache_folder", fail)
+    ended, out, err = wiclosure("cache")
+    assert (ended, out) == (code, "")
+    assert says in err
