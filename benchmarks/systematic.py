@@ -49,12 +49,14 @@ class World:
         walls: `(W, 4)` segments x0, y0, x1, y1 that block the line of sight.
         every: a measurement every so many poses.
         odometry: as recorded; None where it is simulated.
+        reach_m: m, how far the radio is heard.
     """
 
     truth: dict[str, Trajectory]
     walls: FloatArray
     every: int = 8
     odometry: dict[str, Trajectory] | None = None
+    reach_m: float = 150.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +169,9 @@ def street(robots: int, rng: np.random.Generator) -> World:
     """Cars at 8 to 10 m/s around blocks of 80 m: they follow, meet, and turn off."""
     names, block, truth = ("a", "b", "c")[:robots], 80.0, {}
     for name in names:
-        corner, heading = rng.integers(-1, 2, 2) * block, rng.integers(4)
+        corner, heading = rng.integers(0, 2, 2) * block, rng.integers(4)
         corners = [corner]
-        for _ in range(6):
+        for _ in range(4):
             corners.append(corners[-1] + block * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)][heading]))
             heading = (heading + rng.choice([-1, 0, 0, 1])) % 4
         truth[name] = along(name, np.array(corners) + rng.uniform(-2, 2, 2), rng, step_m=rng.uniform(4, 5))
@@ -244,6 +246,8 @@ def _link(
         here, there = receiver.poses[row], transmitter.positions[row]
         seen = se3.transform(se3.inverse(here), there)
         distance = float(np.linalg.norm(seen))
+        if distance > world.reach_m:
+            continue
         blocked = _blocked(here[:2, 3], there[:2], world.walls)
         bias = hearing.bias_m * rng.uniform(0.5, 1.5) if blocked else 0.0
         azimuths = list(rng.uniform(-np.pi, np.pi, rng.integers(0, 4)))
