@@ -1,13 +1,13 @@
 """The filter under systematic errors: how often it calls an alignment certain that is wrong.
 
-    python benchmarks/systematic.py [--trials 30] [--faults clocks,mirror] [--worlds aisle,site,roaming,street,kitti] [--seed 1]
+    python benchmarks/systematic.py [--trials 30] [--faults clocks,mirror] [--worlds aisle,site] [--seed 1]
 
-Five worlds (a straight aisle, a site with walls, two robots that roam, cars on streets at 8 to 10 m/s, and recorded KITTI
-odometry), with a radio model of their own: ranges with 0.3 m noise, bearings with 8 degrees, up to three false paths, the
-direct one missing in 15 %.  One fault at a time, in
-the log or in one robot's odometry.  Counted as *certain and wrong*: the filter calls the alignment certain, it is off by
-more than 4 m or 25 degrees at the middle of the meeting, and it either lies beyond its own 3 sigma or loses more than
-5 % of the pairs within 35 m.  *Named*: a sentence of the diagnosis says what the fault is.
+Five worlds (a straight aisle, a site with walls, two robots that roam, cars on streets at 8 to 10 m/s, and recorded
+KITTI odometry), with a radio model of their own: ranges with 0.3 m noise, bearings with 8 degrees, up to three false
+paths, the direct one missing in 15 %.  One fault at a time, in the log or in one robot's odometry.  Counted as *certain
+and wrong*: the filter calls the alignment certain, it is off by more than 4 m or 25 degrees at the middle of the
+meeting, and it either lies beyond its own 3 sigma or loses more than 5 % of the pairs within 35 m.  *Named*: a sentence
+of the diagnosis says what the fault is.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def site(robots: int, rng: np.random.Generator) -> World:
     names = ("a", "b", "c")[:robots]
     truth = {}
     for k, name in enumerate(names):
-        x, y = rng.uniform(-3, 3, 2) + [6.0 * k, 3.0 * k]
+        x, y = rng.uniform(-3, 3, 2) + np.array([6.0, 3.0]) * k
         loop = np.array([[x, y], [x + 32, y], [x + 32, y + 24], [x, y + 24], [x, y + 4], [x + 60, y + 4]])
         loop = loop if rng.uniform() < 0.5 else loop[::-1]
         truth[name] = along(name, loop, rng)
@@ -395,9 +395,7 @@ def compass_off(degrees: float) -> Callable[[Case, np.random.Generator], Case]:
 
     def spoil(case: Case, _: np.random.Generator) -> Case:
         off = np.radians(degrees)
-        headings = tuple(
-            replace(h, heading=_wrap(h.heading + off)) if h.robot == "b" else h for h in case.log.headings
-        )
+        headings = tuple(replace(h, heading=_wrap(h.heading + off)) if h.robot == "b" else h for h in case.log.headings)
         return replace(case, log=replace(case.log, headings=headings))
 
     return spoil

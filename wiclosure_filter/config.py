@@ -21,6 +21,12 @@ class RadioModel(Settings):
     )
     range_bias_m: float = Field(1.0, ge=0.0, description="m, mean and spread of that excess")
     range_reach_m: float = Field(200.0, gt=0.0, description="m, gross range errors spread this far")
+    direct_path_absent_at_worst: float = Field(
+        0.3, ge=0.0, lt=1.0, description="the same behind walls; 0.23 to 0.29 in WSR data sets without line of sight"
+    )
+    range_outlier_at_worst: float = Field(
+        0.15, ge=0.0, lt=1.0, description="probability of a gross range error behind walls"
+    )
     static_radius_m: float = Field(
         1.0,
         ge=0.0,
@@ -42,6 +48,13 @@ class AmbiguitySettings(Settings):
         1.5,
         ge=0.0,
         description="measured numbers beyond those that the alignment needs; a chance agreement has few to spare",
+    )
+    min_fit_probability: float = Field(
+        0.01,
+        ge=0.0,
+        lt=1.0,
+        description="chance that an honest radio behind walls agrees as little as an alignment that may be certain; 0:"
+        " never asked",
     )
     max_yaw_sigma_rad: float = Field(0.35, gt=0.0, description="rad; beyond it errors are no longer Gaussian")
     max_relative_sigma: float = Field(

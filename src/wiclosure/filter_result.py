@@ -33,6 +33,29 @@ class AlignmentHypothesis:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class AlignmentFit:
+    """How many measurements agree with an alignment, by time.
+
+    Args:
+        starts_ns: `(T,)` where each of T equal stretches of time begins, by the clock of robot_a.
+        bearings, agreeing_bearings: `(T,)` measurements with directions, and those of which one is the predicted one.
+        ranges, agreeing_ranges: `(T,)` the same of ranges, with those that obstacles may have lengthened.
+        probability: that an honest radio agrees as little as this in all.
+    """
+
+    starts_ns: IntArray
+    bearings: IntArray
+    agreeing_bearings: IntArray
+    ranges: IntArray
+    agreeing_ranges: IntArray
+    probability: float
+
+    def __repr__(self) -> str:
+        bearings = f"{self.agreeing_bearings.sum()} of {self.bearings.sum()} bearings"
+        return f"AlignmentFit({bearings} and {self.agreeing_ranges.sum()} of {self.ranges.sum()} ranges agree)"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FrameAlignment:
     """What the radio tells of how two robots' odometry frames lie.
 
@@ -56,6 +79,9 @@ class FrameAlignment:
     runner_up: AlignmentHypothesis | None = None
     heading_knowledge: str = "none"
     rivals: tuple[AlignmentHypothesis, ...] = ()
+    fit: AlignmentFit | None = None
+    suspected_fault: str = ""
+    corrections: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         verdict = "ambiguous" if self.ambiguous else "certain"

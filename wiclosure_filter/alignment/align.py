@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation
+from wiclosure.wiclosure_filter.alignment.fit import Fit
+from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
-from wiclosure.wiclosure_filter.alignment.residuals import explained
+from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, explained
+from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
 from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
 from wiclosure.wiclosure_filter.links.links import Links
@@ -52,70 +55,138 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         chosen = _level(found, links, problem.odometry, settings.guard)
     else:
         chosen = _in_space(found, links, settings.tilt_sigma_rad, settings.guard)
+    reason = chosen.doubts[0] if chosen.doubts else chosen.support
     return FrameAlignment(
         robot_a=links.robot_a,
         robot_b=links.robot_b,
         best=chosen.best,
         covariance=chosen.covariance,
-        ambiguous=chosen.verdict.ambiguous,
-        reason="; ".join((chosen.verdict.reason, *links.left_out)),
+        ambiguous=bool(chosen.doubts),
+        reason="; ".join((reason, *links.left_out)),
         runner_up=chosen.others[0] if chosen.others else None,
         heading_knowledge=knowledge,
-        rivals=chosen.others if chosen.verdict.alternatives else (),
+        rivals=chosen.others if chosen.likely else (),
+        fit=chosen.fit.by_time,
+        suspected_fault=chosen.fault,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
-    """Best alignment, its covariance `(6, 6)`, different ones, the best first, and whether it is certain."""
+    """Best alignment, its covariance `(6, 6)`, different ones, the best first, and how well it fits.
+
+    Args:
+        doubts: what forbids to call it certain, the gravest first.
+        fault: a systematic error that the measurements speak of, or an empty string.
+        support: what carries it.
+        likely: whether the different ones are the only others that are likely.
+    """
 
     best: AlignmentHypothesis
     covariance: FloatArray
     others: tuple[AlignmentHypothesis, ...]
-    verdict: Verdict
+    fit: Fit
+    doubts: tuple[str, ...]
+    fault: str
+    support: str
+    likely: bool
+
+    @classmethod
+    def of(
+        cls,
+        verdict: Verdict,
+        followed: Sequence[_Followed],
+        fit: Fit,
+        second: SecondAlignment | None,
+        guard: AmbiguitySettings,
+    ) -> _Chosen:
+        """From the verdict on the peaks, and those of them that are reported."""
+        best, *others = followed
+        misfit = fit.doubt(guard.min_fit_probability)
+        sentence = "" if second is None else second.sentence
+        fault = (sentence if second is not None and second.slip else "") or misfit
+        return cls(
+            best.hypothesis,
+            best.covariance,
+            tuple(other.hypothesis for other in others),
+            fit,
+            tuple(doubt for doubt in (sentence, misfit, verdict.reason if verdict.ambiguous else "") if doubt),
+            fault,
+            verdict.reason,
+            likely=bool(second or (verdict.alternatives and not misfit)),
+        )
 
 
 def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings) -> _Chosen:
     """Between level frames."""
     verdict = assess(found.peaks, found.mixture, found.prior, guard)
-    best, *others = (
-        _followed(found, row, links, odometry, verdict.covariance) for row in (verdict.best, *verdict.others)
-    )
-    return _Chosen(*best, tuple(hypothesis for hypothesis, _ in others), verdict)
+    second = None
+    if found.chosen is None and not verdict.ambiguous:
+        second = second_alignment(found, verdict.best, verdict.different, verdict.log_volume, guard.min_odds)
+    rows = (verdict.best, *(verdict.others if second is None else (second.row,)))
+    followed = [_followed(found, row, links, odometry, verdict.covariance) for row in rows]
+    return _Chosen.of(verdict, followed, followed[0].fit, second, guard)
 
 
 def _in_space(found: AnchoredPeaks, links: Links, tilt_sigma_rad: float, guard: AmbiguitySettings) -> _Chosen:
     """Over all of SE(3)."""
     peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, tilt_sigma_rad)
     verdict = assess(peaks.level, found.mixture, found.prior, guard, peaks.explanation)
-    counted = found.mixture.observations.independence
-    best, *others = (
-        AlignmentHypothesis(
-            T_a_b=peaks.T_a_b[row],
-            log_likelihood=float(peaks.explanation.log_likelihood[row] @ counted),
-            paths_kept=_paths_kept(peaks.explanation.at(row), links, None),
+    followed = []
+    for row in (verdict.best, *verdict.others):
+        explanation, T_a_b = peaks.explanation.at(row), peaks.T_a_b[row]
+        distance_m = np.linalg.norm(se3.transform(T_a_b, links.antenna_b) - links.antenna_a, axis=1)
+        hypothesis = AlignmentHypothesis(
+            T_a_b=T_a_b,
+            log_likelihood=float(explanation.log_likelihood[0] @ found.mixture.observations.independence),
+            paths_kept=_paths_kept(explanation, links, None),
         )
-        for row in (verdict.best, *verdict.others)
-    )
-    return _Chosen(best, peaks.covariance[verdict.best], tuple(others), verdict)
+        followed.append(_Followed(hypothesis, peaks.covariance[row], found.mixture, explanation, distance_m))
+    return _Chosen.of(verdict, followed, followed[0].fit, None, guard)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A peak, followed through the drift of both robots where that matters.
+
+    Args:
+        hypothesis: as it is reported.
+        covariance: `(6, 6)`.
+        mixture: likelihood of the measurements, without the drift that was followed.
+        explanation: of the measurements; leading dimension 1.
+        distance_m: `(M,)` of the antennas.
+    """
+
+    hypothesis: AlignmentHypothesis
+    covariance: FloatArray
+    mixture: Mixture
+    explanation: Explanation
+    distance_m: FloatArray
+
+    @property
+    def fit(self) -> Fit:
+        """How well it explains the measurements."""
+        return Fit.of(self.mixture, self.explanation, self.distance_m)
 
 
 def _followed(
     found: AnchoredPeaks, row: int, links: Links, odometry: PairOdometry, covariance: FloatArray
-) -> tuple[AlignmentHypothesis, FloatArray]:
-    """A peak, followed through the drift of both robots where that matters, and its covariance `(6, 6)`."""
-    observations = found.mixture.observations
-    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
+) -> _Followed:
+    mixture, observations = found.mixture, found.mixture.observations
+    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
+    w = displacements_in_a(state[None], observations)[1][0]
     if found.chosen is None and drift_matters(found.drift, observations):
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
             frames = follow_drift(state, found.mixture, found.drift, found.prior, odometry)
-            state, explanation, covariance = frames.state, frames.explanation, frames.covariance
+            state, explanation, covariance, w = frames.state, frames.explanation, frames.covariance, frames.w
+            mixture = Mixture.of(observations, mixture.radio)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
         log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),
         paths_kept=_paths_kept(explanation, links, None if found.chosen is None else found.chosen[row]),
     )
-    return hypothesis, tangent_covariance(state, covariance, observations)
+    distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
+    return _Followed(hypothesis, tangent_covariance(state, covariance, observations), mixture, explanation, distance_m)
 
 
 def _paths_kept(explanation: Explanation, links: Links, chosen: IntArray | None) -> tuple[tuple[int, int], ...]:

@@ -31,6 +31,8 @@ class Verdict:
         covariance: `(4, 4)` of the best state; peaks too near to be called different are folded in.
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence.
+        different: `(N,)` peaks that are no neighbours of the best.
+        log_volume: `(N,)` logarithm of the part of all that was searched that each peak takes.
         alternatives: rows of other peaks that are likely too, where they are few and clear: with `best` they hold the
             odds against all others, and against chance, that a certain alignment would.
     """
@@ -40,6 +42,8 @@ class Verdict:
     covariance: FloatArray
     ambiguous: bool
     reason: str
+    different: BoolArray
+    log_volume: FloatArray
     alternatives: tuple[int, ...] = ()
 
     @property
@@ -82,7 +86,8 @@ def assess(
     reasons = [doubt for doubt in doubts if doubt]
     reason = reasons[0] if reasons else _support(explanation, mixture)
     alternatives = weighed.likely_alternatives(best) if contested and not little else ()
-    return Verdict(best, second, covariance, bool(reasons), reason, alternatives)
+    log_volume = weighed.evidence - peaks.log_posterior + 2 * np.log(2 * np.pi) - weighed.log_searched
+    return Verdict(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
 
 
 def log_evidence(peaks: Peaks) -> FloatArray:
@@ -170,13 +175,17 @@ class _WeighedPeaks:
         second = np.flatnonzero(different)[np.argmax(self.evidence[different])]
         return f"an alignment {apart_m[second]:.1f} m away is nearly as likely (odds {odds:.1f} to 1)"
 
-    def by_chance(self, log_mass: float) -> str:
-        """Bayes factor of the alignment against "all that was measured is noise"."""
+    @property
+    def log_searched(self) -> float:
+        """Logarithm of the volume of alignments that were possible before."""
         searched = np.log(np.pi * (2 * self.distance_m) ** 2)
         searched += np.log(np.sqrt(2 * np.pi) * self.prior.height_sigma_m)
         known = np.isfinite(self.prior.yaw)
-        searched += np.log(np.sqrt(2 * np.pi) * self.prior.yaw_sigma if known else 2 * np.pi)
-        if log_mass - searched >= np.log(self.guard.min_odds):
+        return float(searched + np.log(np.sqrt(2 * np.pi) * self.prior.yaw_sigma if known else 2 * np.pi))
+
+    def by_chance(self, log_mass: float) -> str:
+        """Bayes factor of the alignment against "all that was measured is noise"."""
+        if log_mass - self.log_searched >= np.log(self.guard.min_odds):
             return ""
         return "the measurements agree no better than chance would have it"
 
