@@ -403,8 +403,6 @@ def compass_off(degrees: float) -> Callable[[Case, np.random.Generator], Case]:
 
 FEET = 3.28084
 LEFT_HANDED, NED = np.diag([1.0, -1.0, 1.0]), np.diag([1.0, -1.0, -1.0])
-AZIMUTH = ("azimuth", "bearing", "angle")
-AXES = ("axes", "odometry", "right", "NED")
 
 FAULTS = (
     Fault("none", 1),
@@ -412,8 +410,8 @@ FAULTS = (
     Fault("reciprocal", 1, Hearing(reciprocal=True)),
     Fault("mirror", 3, Hearing(mirror=6.0)),
     Fault("mirror, direct gone", 15, Hearing(mirror=6.0, mirror_only=0.85)),
-    Fault("clocks 0.5 s", 1, spoil=clocks(0.5)),
-    Fault("clocks 2 s", 3, spoil=clocks(2.0)),
+    Fault("clocks 0.5 s", 1, spoil=clocks(0.5), words=("clock",)),
+    Fault("clocks 2 s", 3, spoil=clocks(2.0), words=("clock",)),
     Fault("scale 3 %", 2, spoil=scaled(1.03)),
     Fault("scale 10 %", 5, spoil=scaled(1.10)),
     Fault("slip 5 m", 3, spoil=jump(5.0, 0.0)),
@@ -421,16 +419,16 @@ FAULTS = (
     Fault("kidnapped 20 m", 3, spoil=jump(20.0, 0.0)),
     Fault("ids swapped", 3, spoil=swapped({"a": "b", "b": "a"})),
     Fault("ids of three swapped", 10, spoil=swapped({"a": "b", "b": "c", "c": "a"}), robots=3),
-    Fault("azimuth clockwise", 3, spoil=each_path(lambda a: -a), words=AZIMUTH),
-    Fault("clockwise, reciprocal", 3, Hearing(reciprocal=True), each_path(lambda a: -a), AZIMUTH),
-    Fault("azimuth from the left", 3, spoil=each_path(lambda a: a - np.pi / 2), words=AZIMUTH),
-    Fault("azimuth reversed", 3, spoil=each_path(lambda a: a + np.pi), words=AZIMUTH),
-    Fault("azimuth +20 deg", 3, spoil=each_path(lambda a: a + np.radians(20)), words=AZIMUTH),
-    Fault("azimuth in degrees", 3, spoil=each_path(np.degrees), words=AZIMUTH),
-    Fault("odometry y right", 3, spoil=in_axes(LEFT_HANDED), words=AXES),
-    Fault("odometry NED", 3, spoil=in_axes(NED), words=AXES),
-    Fault("ranges in feet", 2, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) * FEET))),
-    Fault("ranges +3 m", 2, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) + 3.0))),
+    Fault("azimuth clockwise", 3, spoil=each_path(lambda a: -a), words=("clockwise",)),
+    Fault("clockwise, reciprocal", 3, Hearing(reciprocal=True), each_path(lambda a: -a), ("clockwise",)),
+    Fault("azimuth from the left", 3, spoil=each_path(lambda a: a - np.pi / 2), words=("from the left",)),
+    Fault("azimuth reversed", 3, spoil=each_path(lambda a: a + np.pi), words=("reversed",)),
+    Fault("azimuth +20 deg", 3, spoil=each_path(lambda a: a + np.radians(20)), words=("mounted",)),
+    Fault("azimuth in degrees", 3, spoil=each_path(np.degrees), words=("azimuths",)),
+    Fault("odometry y right", 3, spoil=in_axes(LEFT_HANDED), words=("y to the right",)),
+    Fault("odometry NED", 3, spoil=in_axes(NED), words=("y to the right",)),
+    Fault("ranges in feet", 2, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) * FEET)), words=("feet",)),
+    Fault("ranges +3 m", 2, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) + 3.0)), words=("too long",)),
     Fault(
         "sigmas ten times too small",
         2,

@@ -228,6 +228,11 @@ class FilterSettings(Settings):
         " Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 % of the"
         " true ones or more stay below",
     )
+    accept_correction: bool = Field(
+        default=False,
+        description="where a systematic error of the log explains the measurements far better than what the log claims"
+        " (azimuths clockwise, ranges in feet, clocks apart): correct it, and go on; false: name it only",
+    )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()
     range_gate: RangeGateSettings = RangeGateSettings()
