@@ -67,6 +67,16 @@ class AmbiguitySettings(Settings):
     )
 
 
+class CalibrationPriors(Settings):
+    """How large constant errors usually are (standard deviations); those beyond three of them are faults."""
+
+    range_bias_m: float = Field(0.3, gt=0.0, description="m, of UWB ranges: antenna delays (0.35 in recordings)")
+    range_scale: float = Field(0.01, gt=0.0, description="ratio by which ranges are longer than odometry has them")
+    clock_s: float = Field(0.1, gt=0.0, description="s between two robots' clocks: network time over a busy radio")
+    mounting_rad: float = Field(0.05, gt=0.0, description="rad, by which an antenna array is mounted turned")
+    scale: float = Field(0.02, gt=0.0, description="ratio by which odometry is too long or too short")
+
+
 class AlignmentSettings(Settings):
     """How two odometry frames are aligned from what the robots heard of each other."""
 
@@ -94,9 +104,12 @@ class AlignmentSettings(Settings):
         10.0, gt=0.0, description="m; prior on the difference in height of robots that the radio does not tell, at most"
     )
     height_ratio: float = Field(
-        0.1,
+        0.02,
         gt=0.0,
-        description="the same prior over the distance, as roads are not steep; not where the radio tells heights",
+        description="the same prior over the distance, at least: the ground's slope where odometry has seen none",
+    )
+    height_floor_m: float = Field(
+        0.5, gt=0.0, description="m, the same prior for robots side by side: kerbs, ramps, antennas on other masts"
     )
     tilt_sigma_rad: float = Field(
         0.3, gt=0.0, description="rad; prior on roll and pitch between the frames, where gravity_aligned is false"
@@ -113,6 +126,7 @@ class AlignmentSettings(Settings):
     )
     max_pcm_links: int = Field(600, ge=2, description="links in the consistency graph; the most certain are kept")
     guard: AmbiguitySettings = AmbiguitySettings()
+    calibration: CalibrationPriors = CalibrationPriors()
 
 
 class SharedTrajectorySettings(Settings):

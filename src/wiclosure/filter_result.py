@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -30,6 +31,42 @@ class AlignmentHypothesis:
         x, y, z = self.T_a_b[:3, 3]
         where = f"x {x:.2f} m, y {y:.2f} m, z {z:.2f} m, yaw {float(se3.yaw(self.T_a_b)):.3f} rad"
         return f"AlignmentHypothesis({where}, log-likelihood {self.log_likelihood:.1f}, {len(self.paths_kept)} paths)"
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A systematic error that was estimated along with an alignment, and that its predictions are corrected for.
+
+    Args:
+        name: what it is.
+        unit: `m`, `s`, `rad`, or empty for a ratio.
+        value, sigma: the estimate; sigma is that of the prior where the measurements do not tell.
+        prior_sigma: standard deviation that was expected.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    prior_sigma: float
+
+    @property
+    def extraordinary(self) -> bool:
+        """Whether it is clearly there, and beyond what is ordinary: a fault."""
+        return abs(self.value) > 3 * max(self.sigma, self.prior_sigma)
+
+    @property
+    def measured(self) -> tuple[float, float]:
+        """Value and sigma by the measurements alone, without the prior that draws the estimate to zero."""
+        told = max(1.0 - (self.sigma / self.prior_sigma) ** 2, 1e-6)
+        return self.value / told, self.sigma / math.sqrt(told)
+
+    def __str__(self) -> str:
+        (value, sigma), unit = self.measured, self.unit
+        if unit in {"rad", ""}:
+            factor, unit = (180 / math.pi, "degrees") if unit else (100.0, "%")
+            value, sigma = factor * value, factor * sigma
+        return f"{self.name}: {value:.2f} {unit}, sigma {sigma:.2f}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +118,7 @@ class FrameAlignment:
     rivals: tuple[AlignmentHypothesis, ...] = ()
     fit: AlignmentFit | None = None
     suspected_fault: str = ""
+    calibration: tuple[Calibration, ...] = ()
     corrections: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

@@ -20,6 +20,7 @@ from wiclosure.evidence import (
 from wiclosure.filter_result import (
     AlignmentFit,
     AlignmentHypothesis,
+    Calibration,
     ClosureCheck,
     FilterResult,
     FrameAlignment,
@@ -35,6 +36,7 @@ __all__ = [
     "AoaFrame",
     "AoaPath",
     "BoolArray",
+    "Calibration",
     "CandidatePairs",
     "Closure",
     "ClosureCheck",

@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
 from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, displacement_m
 from wiclosure.wiclosure_filter.alignment.residuals import explained
 from wiclosure.wiclosure_filter.config import AmbiguitySettings
@@ -96,6 +97,25 @@ def log_evidence(peaks: Peaks) -> FloatArray:
     return np.asarray(peaks.log_posterior - np.linalg.slogdet(peaks.information + ridge)[1] / 2)
 
 
+def unobservable(covariance: FloatArray, observations: Observations, guard: AmbiguitySettings) -> str:
+    """Whether yaw or position is vague by the covariance `(4, 4)` of a state: a sentence, or empty."""
+    moved_a, moved_b = observations.extents_m
+    yaw_sigma = float(np.sqrt(covariance[0, 0]))
+    if yaw_sigma > guard.max_yaw_sigma_rad:
+        return (
+            f"the relative heading is not observable (standard deviation {np.degrees(yaw_sigma):.0f} degrees):"
+            f" the robots moved {moved_a:.1f} m and {moved_b:.1f} m while they heard each other"
+        )
+    distance_m = observations.typical_distance_m
+    position_sigma = float(np.sqrt(covariance[1, 1] + covariance[2, 2]))
+    if position_sigma > guard.max_relative_sigma * distance_m:
+        return (
+            f"the relative position is too vague to prune (standard deviation {position_sigma:.1f} m over links of"
+            f" {distance_m:.1f} m)"
+        )
+    return ""
+
+
 @dataclass(frozen=True, eq=False)
 class _WeighedPeaks:
     """Peaks with the logarithm of each one's posterior mass `(N,)`, and the doubts that they leave as sentences."""
@@ -135,20 +155,7 @@ class _WeighedPeaks:
 
     def unobservable(self, covariance: FloatArray) -> str:
         """Whether yaw or position is vague."""
-        moved_a, moved_b = self.mixture.observations.extents_m
-        yaw_sigma = float(np.sqrt(covariance[0, 0]))
-        if yaw_sigma > self.guard.max_yaw_sigma_rad:
-            return (
-                f"the relative heading is not observable (standard deviation {np.degrees(yaw_sigma):.0f} degrees):"
-                f" the robots moved {moved_a:.1f} m and {moved_b:.1f} m while they heard each other"
-            )
-        position_sigma = float(np.sqrt(covariance[1, 1] + covariance[2, 2]))
-        if position_sigma > self.guard.max_relative_sigma * self.distance_m:
-            return (
-                f"the relative position is too vague to prune (standard deviation {position_sigma:.1f} m over links of"
-                f" {self.distance_m:.1f} m)"
-            )
-        return ""
+        return unobservable(covariance, self.mixture.observations, self.guard)
 
     def too_few(self, explanation: Explanation) -> str:
         """Whether more was measured than the alignment needs."""

@@ -18,7 +18,7 @@ from wiclosure.types import AoaFrame, FloatArray, Trajectory, WirelessLog, Wirel
 Inputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
 _Measurement: TypeAlias = WirelessMeasurement
 
-_CLOCKS_S = (0.5, 1.0, 2.0, 4.0)
+_CLOCKS_S = (0.5, 2.0)  # the rest is estimated from there
 _SCALES = (0.9, 1.1)
 _UNITS_M = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001}
 _WIDEST_RAD = 0.35  # a bearing that may be further off tells nothing, and agrees with everything
@@ -127,7 +127,7 @@ def _of_azimuths(log: WirelessLog) -> list[Correction]:
     return possible
 
 
-def _azimuths_in(frame: AoaFrame, stated: set[str]) -> Correction:
+def _azimuths_in(frame: AoaFrame, stated: set[AoaFrame]) -> Correction:
     return _each(
         f"azimuths seem to be in {frame} axes, not in {' and '.join(sorted(stated))} axes (aoa_frame)",
         lambda m: replace(m, aoa_frame=frame),

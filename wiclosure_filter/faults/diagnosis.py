@@ -21,8 +21,7 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 from wiclosure.wiclosure_filter.links.links import Links
 
 _LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
-_AS_LIKELY = np.log(20.0)
-_PROPOSALS, _MEASUREMENTS = 1500, 60  # a correction that is right needs no long search
+_PROPOSALS, _MEASUREMENTS = 1000, 40  # a correction that is right needs no long search
 _WIDTH_RAD, _WIDTH_M = 0.1, 0.5  # of peaks among residuals
 _LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
 
