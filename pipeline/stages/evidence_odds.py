@@ -41,7 +41,7 @@ class Agreement:
 
     agreeing: int
     others: int
-    places: int
+    places: float
 
     @property
     def log_look_alike(self) -> float:
@@ -85,7 +85,7 @@ def weigh(
     measurements: int,
     closures: Agreement,
     predicted: Agreement,
-    refuted_places: int,
+    refuted_places: float,
     settings: MutualCheckSettings,
 ) -> Weighed:
     """Weighs the stories.
@@ -103,7 +103,7 @@ def weigh(
     known, unknown = settings.systematic_error, settings.unknown_error
     as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
     other_look_alike = predicted.log_look_alike
-    radio = as_claimed + claimed.free - chosen + closures.log_look_alike + refuted_places * np.log(_FAILS_IF_RIGHT)
+    radio = as_claimed + claimed.free - chosen + closures.log_look_alike + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
     best = max([claimed.free, *(e.free for e in errors if np.isfinite(e.free))])
     right = {
         "": as_claimed + claimed.implied + other_look_alike,

@@ -140,12 +140,12 @@ def _ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId
     return frozenset((c.query, c.match) for c in closures)
 
 
-def places(closures: Sequence[Closure]) -> int:
-    """How many separate places closures come from, on the path on which they are fewer."""
+def places(closures: Sequence[Closure]) -> float:
+    """How many separate places closures come from, by how far they reach along the path on which that is less."""
     if not closures:
-        return 0
+        return 0.0
     ends = np.array([(c.query.index, c.match.index) for c in closures])
-    return 1 + int(np.ptp(ends, axis=0).min()) // _PLACE_KEYFRAMES
+    return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
 
 
 def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings) -> list[Closure]:
@@ -164,10 +164,10 @@ def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings
 
 def _for_and_against(
     outcome: PairOutcome, agreeing: Sequence[Closure], settings: RegistrationSettings
-) -> tuple[Agreement, int]:
+) -> tuple[Agreement, float]:
     """Closures that agree with the predictions, and separate places where no registration found what is predicted."""
     if outcome.kept.predicts is None:
-        return Agreement(0, 0, 0), 0
+        return Agreement(0, 0, 0.0), 0.0
     live = outcome.live
     predicted = Agreement(len(live), len(_contradicting(outcome.registered, settings)), places(live))
     near = [
@@ -177,7 +177,7 @@ def _for_and_against(
         and c.prediction.kind is PredictionKind.POSE
         and float(np.linalg.norm(c.prediction.T_query_match[:3, 3])) < _NEAR_M
     ]
-    return predicted, 0 if live else places(near)
+    return predicted, 0.0 if live else places(near)
 
 
 @dataclass(frozen=True)

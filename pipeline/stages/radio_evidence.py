@@ -110,7 +110,7 @@ class PairRadio:
         check = RadioConsistencyCheck(likely, problem, 2.0)
         free, implied = check.log_posteriors(T_a_b, covariance, index_a, index_b)
         best = int(np.argmax(implied))
-        return float(implied[best]), float(free[best]) if search else -np.inf
+        return float(implied[best]), float(free[best])
 
     def _links(self, log: WirelessLog) -> Links:
         limits = GatheringLimits.of(self.settings)

@@ -63,7 +63,7 @@ def _azimuths(sign: int, offset_deg: float) -> Correction:
 
 
 def _axes(frame: AoaFrame) -> Correction:
-    return _measurements(lambda m: replace(m, aoa_frame=frame))
+    return _measurements(lambda m: replace(m, aoa_frame=frame) if m.paths else m)
 
 
 def _clock(seconds: float) -> Correction:
@@ -80,7 +80,7 @@ def _clock(seconds: float) -> Correction:
 
 
 def _swapped(m: WirelessMeasurement) -> WirelessMeasurement:
-    return replace(m, receiver=m.transmitter, transmitter=m.receiver)
+    return replace(m, receiver=m.transmitter, transmitter=m.receiver) if m.paths else m
 
 
 def _ranged(m: WirelessMeasurement) -> WirelessMeasurement | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -144,7 +144,8 @@ class _Attempts:
         closures = attempt.closures
         for one in judged.values():
             closures = _as_judged(closures, one)
-        return replace(attempt, closures=closures), list(judged.values())
+        filtered = replace(attempt.filtered, diagnosis=_without_dropped(attempt.filtered.diagnosis, judged.values()))
+        return replace(attempt, filtered=filtered, closures=closures), list(judged.values())
 
     def _judged(self, outcome: PairOutcome, wireless: WirelessLog) -> Judged:
         return judge(outcome, self.keyframes, wireless, self.config, self._registered_blindly)
@@ -183,6 +184,12 @@ class _Attempts:
             "matching": self.took["matching"],
             "verification": sum(self.registration_s),
         }
+
+
+def _without_dropped(diagnosis: Sequence[str], judged: Iterable[Judged]) -> tuple[str, ...]:
+    """Without what the filter says of robots whose measurements it was not given: why, the judgement says."""
+    dropped = tuple(f"{a} and {b}: " for a, b in (one.pair for one in judged if one.drops_radio))
+    return tuple(sentence for sentence in diagnosis if not sentence.startswith(dropped))
 
 
 def _without(wireless: WirelessLog, pairs: Sequence[tuple[str, str]]) -> WirelessLog:

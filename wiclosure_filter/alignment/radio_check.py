@@ -81,6 +81,7 @@ class RadioConsistencyCheck:
     ) -> tuple[FloatArray, FloatArray]:
         """Log-posteriors `(N,)` of the likeliest alignment and of the one that each closure implies.
 
+        Where the search found none, nothing is likelier than minus infinity.
         A closure leaves the alignment at the measurements open by its covariance, and by the drift of odometry between:
         it is weighed by the likeliest one that it allows.  0 is measurements that say nothing.  Arguments are those of
         `objections`.
@@ -92,11 +93,12 @@ class RadioConsistencyCheck:
             odometry.drift_since(i, j, observations) for i, j in zip(index_a.tolist(), index_b.tolist(), strict=True)
         ]
         anchors = np.array([np.argmin(position_m) for position_m, _ in drift], np.int64)
-        likeliest, implied = np.zeros(len(states)), np.zeros(len(states))
+        likeliest, implied = np.full(len(states), -np.inf), np.zeros(len(states))
         for anchor in np.unique(anchors).tolist():  # closures of one place share the measurement nearest to them
             rows = np.flatnonzero(anchors == anchor)
             mixture, prior = self._around(anchor)
-            likeliest[rows] = self._highest(states[rows], mixture, prior)
+            if len(self.likely):
+                likeliest[rows] = self._highest(states[rows], mixture, prior)
             for row in rows:
                 drift_m, drift_rad = (float(of_each[anchor]) for of_each in drift[row])
                 at_anchor = _at_anchor(covariance[row], self._lever_m(anchor, int(index_b[row])), drift_m, drift_rad)
