@@ -4,7 +4,7 @@ Three kinds of stories are weighed, each with all that it has to explain:
 
 - *the radio is right*, and the closures that contradict it come from places that look alike;
 - *the closures are right*, and the log as it claims to be is compatible with them after all, or has one of the known
-  systematic errors, or an unknown one that happens to fit another alignment;
+  systematic errors, or an unknown one, which leaves noise or happens to fit another alignment;
 - *neither*: the log has a known error, and with that undone tells an alignment that contradicts the closures, too.
 
 An alignment that the closures imply costs the log nothing; one that the log chooses for itself has four free
@@ -13,7 +13,7 @@ parameters, which cost `2 log M` (Schwarz, "Estimating the dimension of a model"
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -76,7 +76,7 @@ class Weighed:
 def agrees_with_radio(claimed: Explained, measurements: int) -> bool:
     """Whether the log, as it claims to be, speaks for the alignment of closures more than chance would."""
     chosen = _FREE_PARAMETERS / 2 * np.log(max(measurements, 1))
-    return claimed.implied > chosen and claimed.free - claimed.implied < _COMPATIBLE
+    return bool(claimed.implied > chosen and claimed.free - claimed.implied < _COMPATIBLE)
 
 
 def weigh(
@@ -104,11 +104,12 @@ def weigh(
     as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
     other_look_alike = predicted.log_look_alike
     radio = as_claimed + claimed.free - chosen + closures.log_look_alike + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
-    best = max([claimed.free, *(e.free for e in errors if np.isfinite(e.free))])
     right = {
         "": as_claimed + claimed.implied + other_look_alike,
         **{e.cause: each + e.implied + other_look_alike for e in errors},
-        "an error of the radio that is none of the known ones": np.log(unknown) + best - chosen + other_look_alike,
+        "an error of the radio that is none of the known ones": np.log(unknown)
+        + max(claimed.free - chosen, 0.0)
+        + other_look_alike,
     }
     neither = {
         e.cause: each + e.free - chosen + closures.log_look_alike + other_look_alike
@@ -122,10 +123,13 @@ def weigh(
     }
     likeliest = max(sums, key=lambda verdict: sums[verdict])
     log_odds = float(sums[likeliest] - logsumexp([value for verdict, value in sums.items() if verdict != likeliest]))
-    wrong = neither if likeliest is Verdict.NEITHER else right
-    cause = max(wrong, key=lambda name: wrong[name])
     if log_odds < np.log(settings.decisive_odds):
-        return Weighed(Verdict.UNDECIDED, log_odds, max({**right, **neither}, key=lambda n: {**right, **neither}[n]))
-    if likeliest is Verdict.CLOSURES and cause == "":
+        return Weighed(Verdict.UNDECIDED, log_odds, _likeliest({**neither, **right, "": -np.inf}))
+    if likeliest is Verdict.CLOSURES and not _likeliest(right):
         return Weighed(Verdict.COMPATIBLE, log_odds, "")
-    return Weighed(likeliest, log_odds, "" if likeliest is Verdict.RADIO else cause)
+    wrong = {Verdict.CLOSURES: right, Verdict.NEITHER: neither}.get(likeliest)
+    return Weighed(likeliest, log_odds, "" if wrong is None else _likeliest(wrong))
+
+
+def _likeliest(causes: Mapping[str, float]) -> str:
+    return max(causes, key=lambda cause: causes[cause])

@@ -123,14 +123,14 @@ def judge(
         return Judged(outcome.pair, None, tuple(c for c in blind if c.live))
     middle = [central(agreeing, both)]
     claimed = radio.claimed(middle)
-    if gap is None and agrees_with_radio(claimed, radio.measurements):
-        return nothing
+    agrees = gap is None and agrees_with_radio(claimed, radio.measurements)
+    errors = radio.errors(middle, search=not agrees)
     others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
     closures = Agreement(len(agreeing), others, places(agreeing))
     predicted, refuted = _for_and_against(outcome, agreeing, config.registration)
-    weighed = weigh(
-        claimed, radio.errors(middle), radio.measurements, closures, predicted, refuted, config.mutual_check
-    )
+    weighed = weigh(claimed, errors, radio.measurements, closures, predicted, refuted, config.mutual_check)
+    if agrees and weighed.verdict is not Verdict.CLOSURES:
+        return nothing
     believed = outcome.live if weighed.verdict is Verdict.RADIO else ()
     lost = _ends(agreeing) | (_ends(outcome.live) - _ends(believed))
     return Judged(outcome.pair, weighed, blind, lost, _sentence(outcome.pair, weighed, closures, gap))

@@ -76,9 +76,9 @@ class PairRadio:
         """The log as it claims to be."""
         return Explained(AS_CLAIMED, AS_CLAIMED.causes[0], *self._evidence(self.log, closures, search=True))
 
-    def errors(self, closures: Sequence[Closure]) -> list[Explained]:
+    def errors(self, closures: Sequence[Closure], *, search: bool = True) -> list[Explained]:
         """Every systematic error that the log can have, undone; an alignment is searched for those of few sizes."""
-        found = (self._explained(reading, closures, search=reading in OTHERWISE_READ) for reading in FAULTS)
+        found = (self._explained(r, closures, search=search and r in OTHERWISE_READ) for r in FAULTS)
         return [explained for explained in found if explained is not None]
 
     def _explained(self, reading: Reading, closures: Sequence[Closure], *, search: bool) -> Explained | None:
