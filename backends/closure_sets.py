@@ -13,8 +13,6 @@ from wiclosure.backends.config import ClosureNoise
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Measured, Stage, Trajectory, measured_poses
 
-_LEAST_WEIGHT = 1e-3  # no closure weighs nothing
-
 
 class Verdict(NamedTuple):
     """What a stage decides on one closure, and why."""
@@ -33,7 +31,6 @@ class ClosureSet:
         index_a, index_b: `(N,)` keyframe indices.
         T_a_b: `(N, 4, 4)` measured pose of b's body in a's body.
         covariance: `(N, 6, 6)` of `T_a_b`, noise floor included.
-        weight: `(N,)` share of structure that the registration matched; 1 where nobody says.
     """
 
     robot_a: str
@@ -43,7 +40,6 @@ class ClosureSet:
     index_b: IntArray
     T_a_b: FloatArray
     covariance: FloatArray
-    weight: FloatArray
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -60,19 +56,6 @@ class ClosureSet:
         """False for closures within one robot."""
         return self.robot_a != self.robot_b
 
-    def __add__(self, more: Self) -> Self:
-        """The closures of two sets of one pair of robots."""
-        return type(self)(
-            self.robot_a,
-            self.robot_b,
-            np.concatenate([self.rows, more.rows]),
-            np.concatenate([self.index_a, more.index_a]),
-            np.concatenate([self.index_b, more.index_b]),
-            np.concatenate([self.T_a_b, more.T_a_b]),
-            np.concatenate([self.covariance, more.covariance]),
-            np.concatenate([self.weight, more.weight]),
-        )
-
     def subset(self, kept: IntArray) -> Self:
         """The closures at `kept`, boolean or indices."""
         return type(self)(
@@ -83,7 +66,6 @@ class ClosureSet:
             self.index_b[kept],
             self.T_a_b[kept],
             self.covariance[kept],
-            self.weight[kept],
         )
 
 
@@ -101,7 +83,7 @@ def closure_sets(
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
-    robots = sorted(trajectories, key=lambda robot: _first_step(trajectories[robot]))
+    robots = canonical_order(trajectories)
     order = {robot: rank for rank, robot in enumerate(robots)}
     rows: dict[tuple[int, int], list[int]] = {}
     unusable: dict[int, str] = {}
@@ -124,6 +106,11 @@ def decided(closures: Sequence[Closure], stage: Stage, verdicts: Mapping[int, Ve
     for row, (accepted, reason) in verdicts.items():
         result[row] = result[row].accepted(stage, reason) if accepted else result[row].rejected(stage, reason)
     return result
+
+
+def canonical_order(trajectories: Mapping[str, Trajectory]) -> list[str]:
+    """The robots in an order that depends on how each started, and not on names, frames or the order given."""
+    return sorted(trajectories, key=lambda robot: _first_step(trajectories[robot]))
 
 
 def _first_step(trajectory: Trajectory) -> list[float]:
@@ -169,6 +156,4 @@ def _stacked(
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     index_a, index_b = np.where(turned, match, query), np.where(turned, query, match)
-    matched = [1.0 if c.evidence is None else c.evidence.inlier_ratio for c in chosen]
-    weight = np.maximum(matched, _LEAST_WEIGHT)
-    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance, weight)
+    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance)

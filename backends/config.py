@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
+from scipy.stats import chi2
 
 from wiclosure.settings import Settings
 
@@ -26,9 +27,15 @@ class ClosureNoise(Settings):
 
 
 class PcmSettings(Settings):
-    """Pairwise consistency maximisation (Mangelson et al. 2018)."""
+    """Consistency of closures with each other and with odometry."""
 
     enabled: bool = Field(True, description="false: every verified closure goes to the graph unchecked")
+    method: Literal["groups", "clique"] = Field(
+        "groups",
+        description="groups: robots are joined group by group by dense sets of closures that chance does not explain,"
+        " and every closure is held against what all others predict. clique: pairwise consistency maximisation as"
+        " published (Mangelson et al. 2018), the largest set of each pair of robots; metric: unit is always so",
+    )
     metric: Literal["mahalanobis", "unit"] = Field(
         "mahalanobis",
         description="mahalanobis: the cycle's error is weighed by the covariances of both closures and both odometry"
@@ -43,18 +50,17 @@ class PcmSettings(Settings):
         0.99,
         gt=0,
         lt=1,
-        description="share of pairs of true closures that pass: the chi-square quantile with 6 degrees of freedom",
-    )
-    weight: Literal["count", "structure"] = Field(
-        "count",
-        description="what makes a set large: the number of its closures, or the shares of structure that they match"
-        " taken together, so that few good closures outweigh some poor ones",
+        description="share of pairs of true closures that agree (chi-square quantile, 6 degrees of freedom); and, with"
+        " method: groups, that not one of all true closures is taken for an outlier",
     )
     unit_threshold: float = Field(
         5.0, gt=0, description="norm below which a cycle is consistent, metric unit only; DiSCo-SLAM has 20 to 100"
     )
     start_threshold: int = Field(
-        1, ge=1, description="closures of a robot pair below which none is believed; DiSCo-SLAM has 5, or 2 if harsh"
+        1,
+        ge=1,
+        description="closures of a robot pair below which none is accepted, method clique only; DiSCo-SLAM has 5, or 2"
+        " if harsh",
     )
     min_clique_size: int = Field(
         2,
@@ -62,42 +68,32 @@ class PcmSettings(Settings):
         description="closures that must agree. One alone cannot be checked; a place that is truly shared is seen from"
         " several keyframes, and a lone closure is mostly a poor one",
     )
-    guard: bool = Field(
-        True,
-        description="refuse a largest set that chance explains (see `chance`) or that has a rival as large; without it"
-        " the first largest set is believed, as in DiSCo-SLAM",
-    )
-    chance: float = Field(
-        0.001,
-        gt=0,
-        lt=1,
-        description="chance that two unrelated false closures agree (0.0003 measured on street scenes, with a margin);"
-        " the set must be larger than chance makes it among so many closures: 2 of up to 10, 3 of up to 400",
-    )
-    min_extent_m: float = Field(
-        3.0,
-        ge=0,
-        description="m that a set must span on both robots' paths unless a prediction supports it: neighbouring"
-        " keyframes of one look-alike place agree with each other whatever the place (guard only)",
-    )
     rival_share: float = Field(
         0.8,
         gt=0,
         le=1,
         description="a set that contradicts the largest one and is at least this share of it makes the pair ambiguous:"
-        " neither is believed (guard only)",
+        " neither is accepted unless other robots settle it (groups only)",
     )
     max_scale: float = Field(
         1.0,
         ge=1,
         le=128,
-        description="how many times too small the stated standard deviations may be: they are doubled, up to so much,"
-        " as long as that makes the consistent sets a tenth larger. 1: taken as stated. `wiclosure optimize` uses 10",
+        description="how many times too small or too large the stated standard deviations may be: the factor is"
+        " estimated within these bounds (groups only). 1: taken as stated. `wiclosure optimize` uses 10",
     )
     time_budget_s: float = Field(
-        5.0, gt=0, description="s for each pair of robots; then the largest set found so far is used and reported so"
+        5.0,
+        gt=0,
+        description="s for each pair of robots, method clique only; then the largest set found so far is used and"
+        " reported so",
     )
     noise: ClosureNoise = ClosureNoise()
+
+    @property
+    def published(self) -> bool:
+        """Whether pairwise consistency maximisation as published decides."""
+        return self.method == "clique" or self.metric == "unit"
 
     @model_validator(mode="after")
     def _legacy_has_no_covariance(self) -> Self:
@@ -123,8 +119,8 @@ class PoseGraphSettings(Settings):
         0.99,
         gt=0,
         lt=1,
-        description="share of true closures that the graph keeps: chi-square quantile, 6 degrees of freedom, on a"
-        " closure's own residual",
+        description="that not one of all true closures is taken for an outlier: chi-square quantile, 6 degrees of"
+        " freedom, on a closure's own residual",
     )
     radio: bool = Field(
         False,
@@ -147,6 +143,11 @@ class PoseGraphSettings(Settings):
                 "radio joins keyframes, which optimiser: two-stage has none of; set optimiser: joint with it"
             )
         return self
+
+    def inlier_limit(self, closures: int) -> float:
+        """Squared distance, by stated covariances, up to which one of so many closures is an inlier."""
+        share = self.probability ** (1.0 / max(closures, 1))
+        return float(chi2.ppf(share, 6)) * self.sigma_scale**2
 
     def scaled(self, factor: float) -> Self:
         """With `sigma_scale` larger by a factor, as `PcmResult.scale` asks for."""

@@ -9,11 +9,10 @@ from itertools import pairwise
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.types import FloatArray, IntArray, RadioLinks, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, RadioLinks, Trajectory
 
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
 LOOSE_ANCHOR = np.repeat([10.0, 1e4], 3)  # rad, m: holds a robot whose closures are all switched off, moves no other
@@ -47,7 +46,7 @@ class Keys:
         return [first + index for index in indices.tolist()]
 
 
-def carrying(
+def keyframes_in_factors(
     trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet | RadioLinks]
 ) -> dict[str, NDArray[np.int64]]:
     """Keyframes that measurements hold, and the first, by robot: a graph of these alone is equivalent."""
@@ -85,7 +84,7 @@ def odometry_factors(
 ) -> gtsam.NonlinearFactorGraph:
     """One factor between each two consecutive keyframes of each robot, or only those at the indices `nodes`."""
     graph = gtsam.NonlinearFactorGraph()
-    held = carrying(trajectories, sets)
+    held = keyframes_in_factors(trajectories, sets)
     for robot, trajectory in trajectories.items():
         used = np.arange(len(trajectory)) if nodes is None else nodes[robot]
         if len(used) == 1:
@@ -151,36 +150,36 @@ def _ordering(graph: gtsam.NonlinearFactorGraph) -> gtsam.Ordering:
     return gtsam.Ordering.ColamdNonlinearFactorGraph(graph)
 
 
-def believed(
-    certain: gtsam.NonlinearFactorGraph,
-    doubtful: Sequence[gtsam.NoiseModelFactor],
+def inliers_among(
+    candidates: Sequence[gtsam.NoiseModelFactor],
+    known: gtsam.NonlinearFactorGraph,
     initial: gtsam.Values,
     settings: PoseGraphSettings,
-) -> tuple[NDArray[np.bool_], gtsam.Values]:
-    """Decides which of the doubtful factors `(N,)` to believe, given the certain ones, and estimates with them.
+) -> tuple[BoolArray, gtsam.Values]:
+    """Which of the outlier candidates `(N,)` are inliers, given the known ones, and the estimate with them.
 
     Raises:
         RuntimeError: the system is indeterminate or has no finite solution.
     """
-    if not doubtful:
-        return np.zeros(0, bool), solve(certain, initial)
-    limit = float(chi2.ppf(settings.probability, 6)) * settings.sigma_scale**2
+    if not candidates:
+        return np.zeros(0, bool), solve(known, initial)
+    limit = settings.inlier_limit(len(candidates))
     if settings.robust == "gnc":
-        return _by_graduated_non_convexity(certain, doubtful, initial, limit)
+        return _by_graduated_non_convexity(known, candidates, initial, limit)
     if settings.robust == "cauchy":
         kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH * settings.sigma_scale)
-        robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in doubtful]
-        estimate = solve(with_factors(certain, robust), initial)
-        return _chi_squares(doubtful, estimate) < limit, estimate
-    return np.ones(len(doubtful), bool), solve(with_factors(certain, doubtful), initial)
+        robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in candidates]
+        estimate = solve(with_factors(known, robust), initial)
+        return _chi_squares(candidates, estimate) < limit, estimate
+    return np.ones(len(candidates), bool), solve(with_factors(known, candidates), initial)
 
 
 def _by_graduated_non_convexity(
-    certain: gtsam.NonlinearFactorGraph,
-    doubtful: Sequence[gtsam.NoiseModelFactor],
+    known: gtsam.NonlinearFactorGraph,
+    candidates: Sequence[gtsam.NoiseModelFactor],
     initial: gtsam.Values,
     limit: float,
-) -> tuple[NDArray[np.bool_], gtsam.Values]:
+) -> tuple[BoolArray, gtsam.Values]:
     """Yang et al., "Graduated non-convexity for robust spatial perception", RA-L 2020, truncated least squares.
 
     Each step goes on from the one before.  Where one Gauss-Newton iteration hardly moves the better half of the
@@ -188,20 +187,20 @@ def _by_graduated_non_convexity(
     `gtsam.GncLMOptimizer` starts every step again from the initial values; on recorded odometry with one false closure
     in seven it ended with every closure switched off.
     """
-    everything = with_factors(certain, doubtful)
+    everything = with_factors(known, candidates)
     ordering = _ordering(everything)
     estimate = solve(everything, initial, ordering)
-    chi_square = _chi_squares(doubtful, estimate)
+    chi_square = _chi_squares(candidates, estimate)
     mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
     for _ in range(GNC_STEPS):
         weights = _truncated_weights(chi_square, limit, mu)
         if np.isin(weights, (0.0, 1.0)).all():
             break
-        graph = with_factors(certain, _weighted(doubtful, weights))
+        graph = with_factors(known, _weighted(candidates, weights))
         stepped = estimate.retract(graph.linearize(estimate).optimize(ordering))
-        settled = _moved(chi_square, _chi_squares(doubtful, stepped), limit) < GNC_SETTLED
+        settled = _moved(chi_square, _chi_squares(candidates, stepped), limit) < GNC_SETTLED
         estimate = stepped if settled else solve(graph, estimate, ordering)
-        chi_square = _chi_squares(doubtful, estimate)
+        chi_square = _chi_squares(candidates, estimate)
         mu *= GNC_FACTOR_SETTLED if settled else GNC_FACTOR
     return weights > 0.5, estimate
 

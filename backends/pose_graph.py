@@ -16,9 +16,9 @@ from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.factors import (
     Keys,
     anchor,
-    believed,
-    carrying,
     closure_factors,
+    inliers_among,
+    keyframes_in_factors,
     odometry_factors,
     solve,
     with_factors,
@@ -26,9 +26,12 @@ from wiclosure.backends.factors import (
 from wiclosure.backends.frames import components, initial_frames
 from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.radio_factors import radio_factors
+from wiclosure.backends.settling import graduated, settle
+from wiclosure.backends.start import better_start
+from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, FloatArray, RadioLinks, Residual, Stage, Trajectory
+from wiclosure.types import BoolArray, Closure, FloatArray, RadioLinks, Residual, Stage, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -37,9 +40,9 @@ __all__ = ["GraphResult", "optimise"]
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """Which closures are believed (one mask a set), the poses `T_world_body` by robot, and GTSAM's graph and values."""
+    """Which closures are inliers (one mask a set), the poses `T_world_body` by robot, and GTSAM's graph and values."""
 
-    believed: list[NDArray[np.bool_]]
+    inliers: list[BoolArray]
     poses: dict[str, FloatArray]
     diagnosis: tuple[str, ...] = ()
     solved: tuple[gtsam.NonlinearFactorGraph, gtsam.Values] | None = None
@@ -74,9 +77,9 @@ def optimise(
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
     radio = radio if settings.radio else ()
     found = _estimate(trajectories, sets, radio, settings)
-    kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.believed, strict=True)]
+    kept = [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, found.inliers, strict=True)]
     verdicts = {row: Verdict(False, reason) for row, reason in unusable.items()}
-    for z, mask in zip(sets, found.believed, strict=True):
+    for z, mask in zip(sets, found.inliers, strict=True):
         verdicts |= _verdicts(z, mask, found.poses, closures)
     groups = components(list(trajectories), kept, radio)
     graph, values = found.solved or (
@@ -159,25 +162,59 @@ def _decide(
     radio: Sequence[RadioLinks],
     rigid: Mapping[str, FloatArray],
     settings: PoseGraphSettings,
-) -> tuple[list[NDArray[np.bool_]], dict[str, FloatArray]]:
-    """Believed closures (one mask a set) and poses of all keyframes, from a graph of the keyframes that closures hold.
+) -> tuple[list[BoolArray], dict[str, FloatArray]]:
+    """Inliers (one mask a set) and poses of all keyframes, from a graph of the keyframes that measurements hold.
 
     The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
     saves most of the time.
     """
-    keys, nodes = Keys(tuple(trajectories)), carrying(trajectories, [*sets, *radio])
+    if radio or settings.robust == "cauchy":
+        return _decide_with_factors(trajectories, sets, radio, rigid, settings)
+    rows = sum(map(len, sets))
+    team = TeamArrays.of(trajectories, _numbered(sets), np.zeros(rows, bool))
+    groups = components(list(trajectories), sets)
+    limit = settings.inlier_limit(rows) if settings.robust == "gnc" else np.inf
+    start = better_start(team, groups, rigid, limit)
+    held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
+    known, loops = team.robots.odometry, team.robots.loops
+    mask, poses = graduated(known, loops, start, held, limit)
+    if not mask.all():  # with outliers about, those kept may hide behind odometry that they bend
+        settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
+        mask, poses = settled.inlier, settled.poses
+    solved, moved = team.poses_of(poses), {}
+    for robot, trajectory in trajectories.items():
+        keyframes = trajectory.subset(team.nodes[robot])
+        moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
+    return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], moved
+
+
+def _numbered(sets: Sequence[ClosureSet]) -> list[ClosureSet]:
+    """With rows counted through all sets."""
+    starts = np.cumsum([0, *map(len, sets)])
+    return [replace(z, rows=start + np.arange(len(z))) for z, start in zip(sets, starts, strict=False)]
+
+
+def _decide_with_factors(
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    radio: Sequence[RadioLinks],
+    rigid: Mapping[str, FloatArray],
+    settings: PoseGraphSettings,
+) -> tuple[list[BoolArray], dict[str, FloatArray]]:
+    """The same over GTSAM's factors: radio's are its own, and a kernel is."""
+    keys, nodes = Keys(tuple(trajectories)), keyframes_in_factors(trajectories, [*sets, *radio])
     roots = {group[0] for group in components(list(trajectories), sets, radio)}
     anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
-    certain = with_factors(
+    known = with_factors(
         odometry_factors(trajectories, [*sets, *radio], keys, nodes),
         [*anchors, *radio_factors(radio, trajectories, keys)],
     )
-    mask, values = believed(certain, closure_factors(sets, keys), _values(rigid, nodes), settings)
+    mask, values = inliers_among(closure_factors(sets, keys), known, _values(rigid, nodes), settings)
     poses = {}
     for robot, trajectory in trajectories.items():
         held = trajectory.subset(nodes[robot])
         solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
-        poses[robot] = propagate_to_scans(trajectory, held, Trajectory(robot, held.stamps_ns, solved)).poses
+        poses[robot] = propagate_to_scans(trajectory, held, replace(held, poses=solved)).poses
     return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
 
 
@@ -226,7 +263,7 @@ def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict
 
 # ------------------------------------------------------------------------------------------------------------ reports
 def _verdicts(
-    z: ClosureSet, mask: NDArray[np.bool_], poses: Mapping[str, FloatArray], closures: Sequence[Closure]
+    z: ClosureSet, mask: BoolArray, poses: Mapping[str, FloatArray], closures: Sequence[Closure]
 ) -> dict[int, Verdict]:
     """By row of the closure list."""
     estimated = se3.between(poses[z.robot_a][z.index_a], poses[z.robot_b][z.index_b])

@@ -13,10 +13,9 @@ import numpy as np
 
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
-from wiclosure.backends.consistency import chi_square_limit
 from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.pcm import IncrementalPcm
+from wiclosure.backends.incremental import IncrementalConsistency
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.types import Closure, FloatArray, Stage, Trajectory
 
@@ -36,10 +35,10 @@ class StreamingBackEnd:
         self._odometry = dict(trajectories)
         self._keys = Keys(tuple(trajectories))
         self._settings = settings
-        self._pcm = IncrementalPcm(pcm)
+        self._consistency = IncrementalConsistency(pcm)
         self._closures: list[Closure] = []
         self._slots: dict[int, int] = {}  # row of each closure in the estimate: its place among iSAM2's factors
-        self._doubted: set[int] = set()  # rows that PCM believes and the estimate does not
+        self._switched_off: set[int] = set()  # inliers of the check that the estimate contradicts
         self._groups: set[frozenset[str]] = set()
         self._restart()
 
@@ -50,7 +49,7 @@ class StreamingBackEnd:
 
     def result(self) -> GraphResult:
         """The batch estimate over all closures so far, every decision taken anew."""
-        return optimise(self._odometry, self._pcm.result().closures, self._settings)
+        return optimise(self._odometry, self._consistency.result().closures, self._settings)
 
     def extend(self, trajectories: Mapping[str, Trajectory]) -> None:
         """Takes new keyframes in.
@@ -78,25 +77,25 @@ class StreamingBackEnd:
         Raises:
             InputError: a closure names a robot or a keyframe that is not there.
         """
-        self._pcm.add(closures, self._odometry)
+        self._consistency.add(closures, self._odometry)
         self._closures += closures
-        believed = set(self._pcm.believed_rows)
-        if self._connected(believed) != self._groups:
+        inliers = set(self._consistency.inlier_rows)
+        if self._connected(inliers) != self._groups:
             self._restart()
             return
-        self._doubted &= believed
-        wanted = believed - self._doubted
+        self._switched_off &= inliers
+        wanted = inliers - self._switched_off
         new = wanted - self._slots.keys()
         self._update(new, self._slots.keys() - wanted)
         if self._settings.robust != "none":
-            self._doubt(new)
+            self._switch(new)
 
-    def _doubt(self, new: set[int]) -> None:
+    def _switch(self, new: set[int]) -> None:
         """Switches off new closures that the estimate contradicts, and on those that it no longer does."""
-        limit = chi_square_limit(self._settings.probability) * self._settings.sigma_scale**2
+        limit = self._settings.inlier_limit(len(self._closures))
         off = {row for row in new if self._chi_square(row) >= limit}
-        on = {row for row in self._doubted if self._chi_square(row) < limit}
-        self._doubted = (self._doubted - on) | off
+        on = {row for row in self._switched_off if self._chi_square(row) < limit}
+        self._switched_off = (self._switched_off - on) | off
         self._update(on, off)
 
     def _update(self, new: set[int], gone: set[int]) -> None:
@@ -111,21 +110,20 @@ class StreamingBackEnd:
 
     def _restart(self) -> None:
         """From the batch estimate: robots that come together move too far for the old linearisation."""
-        pcm = self._pcm.result()
-        estimate = optimise(self._odometry, pcm.closures, self._settings)
-        believed = self._pcm.believed_rows
-        accepted = sorted(row for row in believed if estimate.closures[row].survived(Stage.ESTIMATE))
+        estimate = optimise(self._odometry, self._consistency.result().closures, self._settings)
+        inliers = self._consistency.inlier_rows
+        accepted = sorted(row for row in inliers if estimate.closures[row].survived(Stage.ESTIMATE))
         anchors = [
             anchor(self._keys(group[0], 0), gtsam.Pose3(estimate.trajectories[group[0]].poses[0]))
             for group in estimate.components
         ]
-        certain = with_factors(odometry_factors(self._odometry, [], self._keys), anchors)
-        graph = with_factors(certain, [self._factor(row) for row in accepted])
+        known = with_factors(odometry_factors(self._odometry, [], self._keys), anchors)
+        graph = with_factors(known, [self._factor(row) for row in accepted])
         self._isam = gtsam.ISAM2(gtsam.ISAM2Params())
         self._isam.update(graph, estimate.values)
-        self._slots = {row: certain.size() + n for n, row in enumerate(accepted)}
-        self._doubted = set(believed) - set(accepted)
-        self._groups = self._connected(set(believed))
+        self._slots = {row: known.size() + n for n, row in enumerate(accepted)}
+        self._switched_off = set(inliers) - set(accepted)
+        self._groups = self._connected(set(inliers))
 
     def _factor(self, row: int) -> gtsam.BetweenFactorPose3:
         sets, _ = closure_sets([self._closures[row]], self._odometry, self._settings.noise)

@@ -10,26 +10,25 @@ from collections.abc import Mapping, Sequence
 
 import gtsam
 import numpy as np
-from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.backends.factors import anchor, believed, prior, solve
+from wiclosure.backends.factors import anchor, inliers_among, prior, solve
 from wiclosure.backends.frames import components, frame_estimates, frame_transform, initial_frames
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, Trajectory
 
 EQUAL_WEIGHT = np.ones(6)  # every pair of robots counts the same between them, as in DiSCo-SLAM
 
 
 def placed_in_two_stages(
     trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
-) -> tuple[list[NDArray[np.bool_]], dict[str, FloatArray]]:
-    """Believed closures (one mask a set) and `T_world_odom` by robot.
+) -> tuple[list[BoolArray], dict[str, FloatArray]]:
+    """Inliers (one mask a set) and `T_world_odom` by robot.
 
     Closures within one robot do not take part: they are kept and change nothing.
     """
-    masks: list[NDArray[np.bool_]] = []
+    masks: list[BoolArray] = []
     kept: list[ClosureSet] = []
     transforms: list[FloatArray] = []
     for z in sets:
@@ -43,7 +42,7 @@ def placed_in_two_stages(
 
 def _pair(
     z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PoseGraphSettings
-) -> tuple[NDArray[np.bool_], FloatArray]:
+) -> tuple[BoolArray, FloatArray]:
     """First stage: `T_a_b` of two odometry frames; each closure measures it directly."""
     measured = frame_estimates(z, trajectories)
     to_odom_b = se3.adjoint(trajectories[z.robot_b].poses[z.index_b])
@@ -52,9 +51,9 @@ def _pair(
     start = frame_transform(z, trajectories)
     values = gtsam.Values()
     values.insert(0, gtsam.Pose3(start))
-    nothing_certain = gtsam.NonlinearFactorGraph()
-    nothing_certain.add(anchor(0, gtsam.Pose3(start), loose=True))
-    mask, estimate = believed(nothing_certain, factors, values, settings)
+    nothing_known = gtsam.NonlinearFactorGraph()
+    nothing_known.add(anchor(0, gtsam.Pose3(start), loose=True))
+    mask, estimate = inliers_among(factors, nothing_known, values, settings)
     return mask, np.asarray(estimate.atPose3(0).matrix())
 
 

@@ -190,9 +190,7 @@ class Outcome:
         ate_m = metrics["ate_m"].get("team") or largest["ate_m"] or float("nan")
         named = any(words in sentence for sentence in metrics["diagnosis"] for words in NAMED)
         closures = metrics["closures"]
-        return cls(
-            ate_m, len(largest["robots"]), closures["accepted"], closures["accepted_false"] or 0, named, seconds
-        )
+        return cls(ate_m, len(largest["robots"]), closures["accepted"], closures["accepted_false"] or 0, named, seconds)
 
     def worse_than(self, other: Outcome) -> bool:
         """Whether this map is worse, or has fewer robots."""

@@ -103,7 +103,13 @@ def weigh(
     known, unknown = settings.systematic_error, settings.unknown_error
     as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
     other_look_alike = predicted.log_look_alike
-    radio = as_claimed + claimed.free - chosen + closures.log_look_alike + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
+    radio = (
+        as_claimed
+        + claimed.free
+        - chosen
+        + closures.log_look_alike
+        + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
+    )
     right = {
         "": as_claimed + claimed.implied + other_look_alike,
         **{e.cause: each + e.implied + other_look_alike for e in errors},

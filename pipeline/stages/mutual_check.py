@@ -108,7 +108,8 @@ def judge(
     if radio.measurements == 0:
         return nothing
     if outcome.kept.predicts is None:
-        pool, blind = (outcome.live or outcome.registered), ()
+        pool: Sequence[Closure] = outcome.live or outcome.registered
+        blind: tuple[Closure, ...] = ()
     else:
         contradicting = _contradicting(outcome.registered, config.registration)
         if len(outcome.live) >= max(_FEWEST, len(contradicting)):

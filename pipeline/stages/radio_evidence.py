@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
+from wiclosure import se3
 from wiclosure.pipeline.stages.radio_readings import AS_CLAIMED, FAULTS, OTHERWISE_READ, Reading
 from wiclosure.types import Closure, FloatArray, Trajectory, WirelessLog, measured_poses
 from wiclosure.wiclosure_filter.alignment.consensus import consensus
@@ -18,6 +19,7 @@ from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
+_MOST = 200  # measurements: more would not decide otherwise, and each reading takes as much longer
 _PEAKS = 4  # of the likelihood that an alignment of closures is held against
 
 
@@ -118,14 +120,14 @@ class PairRadio:
         return links.thinned(min(self.settings.max_measurements, _MOST))
 
 
-_MOST = 200  # measurements: more would not decide otherwise, and each reading takes as much longer
-
-
 def central(closures: Sequence[Closure], trajectories: Mapping[str, Trajectory]) -> Closure:
     """The closure whose alignment of the frames lies nearest to those of the others of a set."""
     a, b = closures[0].query.robot, closures[0].match.robot
     T_a_b, _ = measured_poses(closures)
-    ends = (trajectories[a].poses[[c.query.index for c in closures]], trajectories[b].poses[[c.match.index for c in closures]])
+    ends = (
+        trajectories[a].poses[[c.query.index for c in closures]],
+        trajectories[b].poses[[c.match.index for c in closures]],
+    )
     middle = trajectories[b].positions.mean(axis=0)
-    there: FloatArray = ends[0] @ T_a_b @ np.linalg.inv(ends[1]) @ np.append(middle, 1.0)
+    there: FloatArray = at_a @ T_a_b @ se3.inverse(at_b) @ np.append(middle, 1.0)
     return closures[int(np.argmin(np.linalg.norm(there - np.median(there, axis=0), axis=1)))]

@@ -38,7 +38,7 @@ def unpredicted(
     everything = CandidatePairs.without_prediction(*pair, index_a.reshape(-1), index_b.reshape(-1))
     alike = match(everything, a, b, settings.model_copy(update={"budget": budget})).closures
     known = {(c.query, c.match) for c in alike}
-    evenly = np.unique(np.linspace(0, len(also) - 1, min(len(also), budget)).round().astype(int)) if also else []
-    chosen = (also[n] for n in evenly)
+    evenly = np.linspace(0, len(also) - 1, min(len(also), budget)).round().astype(int)
+    chosen = [also[n] for n in np.unique(evenly)]
     again = [Closure(c.query, c.match, scan_context=c.scan_context) for c in chosen if (c.query, c.match) not in known]
     return [*alike, *again]

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wiclosure import se3
+from wiclosure.backends.clique import consistency_matrix
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings
-from wiclosure.backends.consistency import PairGraph
-from wiclosure.backends.judgement import chance_sets
-from wiclosure.backends.pcm import IncrementalPcm, pairwise_consistent
+from wiclosure.backends.incremental import IncrementalConsistency
+from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, KeyframeId, Prediction, PredictionKind, RegistrationEvidence, Stage, survivors
+from wiclosure.types import Closure, KeyframeId, Prediction, PredictionKind, Stage, survivors
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
@@ -48,7 +48,7 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
     matrices = []
     for version in (closures, turned):
         (z,), _ = closure_sets(version, team.odometry, EXACT)
-        matrices.append(PairGraph.of(z, team.odometry, PcmSettings()).consistent(0))
+        matrices.append(consistency_matrix(z, team.odometry, PcmSettings()))
     np.testing.assert_array_equal(*matrices)
 
 
@@ -59,14 +59,14 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
     result = pairwise_consistent(true + false, team.odometry, PcmSettings())
     assert [c.rejected_at for c in result.closures[15:]] == [Stage.CONSISTENCY] * 60
     assert len(survivors(result.closures[:15], Stage.CONSISTENCY)) >= 14
-    assert "closures of the largest consistent set" in result.closures[20].reason
+    assert "contradicts what the other closures and odometry predict" in result.closures[20].reason
     assert result.closures[0].consistent_with >= 10
 
 
 @pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
 def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
     team, rng = team_maker(2), np.random.default_rng(2)
-    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings(min_extent_m=0.0))
+    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings())
     assert result.pairs[0].kept == kept
     assert ("cannot be checked" in result.diagnosis[0]) == (count == 1)
 
@@ -89,10 +89,9 @@ def test_neighbours_of_one_place_need_a_prediction(team_maker, predicted):
         )
         for n in range(3)
     ]
-    result = pairwise_consistent(closures, team.odometry, PcmSettings(min_extent_m=1000.0))
+    result = pairwise_consistent(closures, team.odometry, PcmSettings())
     assert result.pairs[0].kept == (3 if predicted else 0)
     assert predicted or "look-alike" in result.closures[0].reason
-    assert pairwise_consistent(closures, team.odometry, PcmSettings(min_extent_m=0.0)).pairs[0].kept == 3
 
 
 def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_maker):
@@ -108,7 +107,7 @@ def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_make
     assert result.pairs[0].rival == result.pairs[0].largest == 5
     assert "ambiguous" in result.diagnosis[0]
     assert all(c.rejected_at is Stage.CONSISTENCY for c in result.closures)
-    assert pairwise_consistent(closures, team.odometry, PcmSettings(guard=False)).pairs[0].kept == 5
+    assert pairwise_consistent(closures, team.odometry, PcmSettings(method="clique")).pairs[0].kept == 5
 
 
 @pytest.mark.parametrize(("shifted", "believed"), [(7, False), (4, True)])
@@ -129,39 +128,6 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 
-def structure(inlier_ratio):
-    return RegistrationEvidence(inliers=500, inlier_ratio=inlier_ratio, agreement=1.0, rms_m=0.1)
-
-
-@pytest.mark.parametrize(("weight", "kept"), [("count", 8), ("structure", 6)])
-def test_a_few_good_closures_outweigh_more_poor_ones_where_structure_counts(team_maker, weight, kept):
-    team, rng = team_maker(4), np.random.default_rng(4)
-    mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
-    good = [team.remeasured(c, evidence=structure(0.9)) for c in random_closures(team, 6, rng)]
-    poor = [
-        team.remeasured(
-            c,
-            T_query_match=se3.between(
-                team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
-            ),
-            evidence=structure(0.3),
-        )
-        for c in random_closures(team, 8, rng)
-    ]
-    result = pairwise_consistent(good + poor, team.odometry, PcmSettings(weight=weight, rival_share=0.9))
-    assert result.pairs[0].kept == kept
-    assert [c.survived(Stage.CONSISTENCY) for c in result.closures] == [kept == 6] * 6 + [kept == 8] * 8
-
-
-def test_a_single_good_closure_does_not_outweigh_poor_ones_that_agree(team_maker):
-    team, rng = team_maker(4), np.random.default_rng(4)
-    poor = [team.remeasured(c, evidence=structure(0.3)) for c in random_closures(team, 3, rng)]
-    good = team.remeasured(team.false_closure(("alpha", 5), ("beta", 9), rng), evidence=structure(0.95))
-    for weight in ("count", "structure"):
-        result = pairwise_consistent([*poor, good], team.odometry, PcmSettings(weight=weight, min_extent_m=0.0))
-        assert result.pairs[0].kept == 3
-
-
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])
@@ -174,7 +140,7 @@ def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, pa
         ends = rng.integers(0, 60, (6, 2))
         closures += [team.false_closure(("alpha", int(a)), (robot, int(b)), rng) for a, b in ends]
     closures = [closures[n] for n in rng.permutation(25)]
-    pcm = IncrementalPcm(PcmSettings(max_scale=max_scale))
+    pcm = IncrementalConsistency(PcmSettings(max_scale=max_scale))
     for first, last in pairwise([0, *sorted(parts), 25]):
         until = int(max([20, *(k.index for c in closures[:last] for k in (c.query, c.match))])) + 1
         pcm.add(closures[first:last], {r: t.subset(np.arange(until)) for r, t in team.odometry.items()})
@@ -199,28 +165,30 @@ def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_
     as_stated, fitted = (
         pairwise_consistent(stated, odometry, PcmSettings(noise=tight, max_scale=scale)) for scale in (1.0, 10.0)
     )
-    assert fitted.scale == times
+    assert fitted.scale == pytest.approx(times, rel=0.25)
     assert fitted.pairs[0].kept >= 28
     assert not survivors(fitted.closures[30:], Stage.CONSISTENCY)
     assert (as_stated.pairs[0].kept >= 28) == (times == 1.0)
-    assert ("4 times as large" in fitted.diagnosis[0]) == (times == 4.0)
+    assert ("times as large" in fitted.diagnosis[0]) == (times == 4.0)
 
 
-def test_a_pair_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):
+def test_a_pair_of_neighbours_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):
+    """Closures that all look along one street differ in little, so that two agree now and then."""
     team, rng = team_maker(5), np.random.default_rng(5)
-    false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (40, 2))]
-    result = pairwise_consistent(random_closures(team, 2, rng) + false, team.odometry, PcmSettings())
+    shared = random_closures(team, 1, rng)[0]
+    street = [
+        team.remeasured(
+            replace(
+                shared,
+                query=replace(shared.query, index=shared.query.index + int(n % 2)),
+            ),
+            T_query_match=shared.measured.T_query_match @ se3.exp(rng.normal(0, [0.02, 0.02, 0.05, 0.5, 0.5, 0.2])),
+        )
+        for n in range(12)
+    ]
+    result = pairwise_consistent(street, team.odometry, PcmSettings())
     assert result.pairs[0].kept == 0
     assert "chance" in result.diagnosis[0]
-
-
-def test_chance_allows_two_of_ten_and_three_of_four_hundred():
-    def lone_set(size, total):
-        members = np.arange(total) < size
-        consistent = members[:, None] & members & ~np.eye(total, dtype=bool)
-        return chance_sets(consistent, members, 0.001) <= 0.05
-
-    assert [lone_set(2, 10), lone_set(2, 11), lone_set(3, 400), lone_set(3, 5000)] == [True, False, True, False]
 
 
 def test_closures_within_one_robot_must_agree_with_its_odometry(team_maker):
@@ -230,7 +198,7 @@ def test_closures_within_one_robot_must_agree_with_its_odometry(team_maker):
         [true, team.false_closure(("alpha", 40), ("alpha", 5), rng)], team.odometry, PcmSettings()
     )
     assert [c.survived(Stage.CONSISTENCY) for c in result.closures] == [True, False]
-    assert "own odometry" in result.closures[1].reason
+    assert "odometry" in result.closures[1].reason
 
 
 def test_unusable_measurements_are_rejected_with_a_reason_not_an_exception(team_maker):
@@ -284,7 +252,7 @@ class TestLegacyCycle:
     def test_presets_of_disco_slam_accept_what_the_chi_square_test_does_not(self, team_maker):
         team, rng = team_maker(11), np.random.default_rng(11)
         false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (30, 2))]
-        loose = PcmSettings(metric="unit", cycle="legacy", unit_threshold=100.0, start_threshold=5, guard=False)
+        loose = PcmSettings(metric="unit", cycle="legacy", unit_threshold=100.0, start_threshold=5)
         assert pairwise_consistent(false, team.odometry, loose).pairs[0].kept >= 10
         assert pairwise_consistent(false, team.odometry, PcmSettings()).pairs[0].kept == 0
 
@@ -343,6 +311,5 @@ def test_of_a_thousand_closures_the_false_ones_are_rejected(team_maker):
     ]
     result = pairwise_consistent(closures, team.odometry, PcmSettings())
     accepted = np.array([c.survived(Stage.CONSISTENCY) for c in result.closures])
-    # One in a hundred pairs of true closures disagrees by the choice of the quantile, so no clique can hold them all.
-    assert accepted[:600].mean() > 0.75
+    assert accepted[:600].mean() > 0.99
     assert not accepted[600:].any()

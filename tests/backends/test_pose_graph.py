@@ -138,7 +138,7 @@ def test_the_anchor_can_be_chosen(team_maker):
 def test_sigma_scale_moves_no_pose_but_the_limit_and_the_marginals(team_maker):
     team, rng = team_maker(12, noise=1.0), np.random.default_rng(12)
     closures = random_closures(team, 12, rng, noise=rng)
-    off = team.closure(("alpha", 20), ("beta", 20), error=np.array([0, 0, 0, 1.0, 0, 0]))
+    off = team.closure(("alpha", 20), ("beta", 20), error=np.array([0, 0, 0, 2.0, 0, 0]))
     stated, doubled = (
         optimise(team.odometry, [*closures, off], PoseGraphSettings(sigma_scale=scale)) for scale in (1.0, 4.0)
     )

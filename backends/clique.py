@@ -1,0 +1,100 @@
+"""Pairwise consistency maximisation as published: the largest set of closures in which every pair agrees.
+
+Mangelson et al., "Pairwise consistent measurement set maximization", ICRA 2018.  Two closures `z_ik`, `z_jl` of one
+pair of robots and the odometry between their ends make a cycle; for true closures it differs from identity by noise.
+Kept for baselines: DiSCo-SLAM decides so, with its own metric and cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+from scipy.stats import chi2
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import ClosureSet, Verdict
+from wiclosure.backends.config import PcmSettings
+from wiclosure.backends.cycles import Cycles, mahalanobis_squared
+from wiclosure.backends.pair_report import PairConsistency
+from wiclosure.max_clique import max_clique
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
+
+
+@cache
+def chi_square_limit(probability: float) -> float:
+    """Quantile of chi-square with the 6 degrees of freedom of a rigid transform."""
+    return float(chi2.ppf(probability, 6))
+
+
+def largest_clique(
+    z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PcmSettings
+) -> tuple[PairConsistency, dict[int, Verdict]]:
+    """Accepts the maximum clique of one pair of robots, and closures within one robot that agree with its odometry."""
+    alive = np.flatnonzero(np.ones(len(z), bool) if z.between_robots else _within_odometry(z, trajectories, settings))
+    checked = z.subset(alive)
+    consistent = consistency_matrix(checked, trajectories, settings)
+    best = max_clique(consistent, time_budget_s=settings.time_budget_s)
+    refused = _refused(checked, len(best), settings)
+    members = np.zeros(len(checked), bool)
+    members[list(best.members)] = not refused
+    sentence = f"{z.name}: " + (refused or f"{len(best)} of {len(checked)} closures agree and are accepted")
+    if not best.proven:
+        sentence += f" (the search for a larger set was stopped after {settings.time_budget_s:g} s)"
+    kept = int(members.sum())
+    report = PairConsistency(
+        z.robot_a, z.robot_b, len(checked), kept, len(best), 0, best.proven, ambiguous=False, sentence=sentence
+    )
+    verdicts = dict.fromkeys(z.rows.tolist(), Verdict(False, "contradicts the robot's own odometry"))
+    for row, member, agrees in zip(checked.rows.tolist(), members, consistent[:, members].sum(axis=1), strict=True):
+        outside = f"inconsistent with the {kept} closures of the largest consistent set (agrees with {agrees})"
+        inside = f"one of {kept} closures that agree"
+        verdicts[row] = Verdict(True, inside) if member else Verdict(False, refused or outside)
+    return report, verdicts
+
+
+def consistency_matrix(z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PcmSettings) -> BoolArray:
+    """Which closures `(N, N)` agree, diagonal false."""
+    cycles, consistent = Cycles.of(z, trajectories), np.zeros((len(z), len(z)), bool)
+    for row in range(1, len(z)):
+        consistent[row, :row] = consistent[:row, row] = _agrees(cycles, row, np.arange(row), settings)
+    return consistent
+
+
+def _agrees(cycles: Cycles, row: int, others: IntArray, settings: PcmSettings) -> BoolArray:
+    if settings.metric == "mahalanobis":
+        limit = chi_square_limit(settings.probability)
+        return cycles.mahalanobis_squared(row, others, limit=limit) < limit
+    legacy = settings.cycle == "legacy"
+    T = cycles.legacy_transforms(row, others) if legacy else cycles.closing_transforms(row, others)
+    return _short(se3.log(T), settings)
+
+
+def _within_odometry(z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PcmSettings) -> BoolArray:
+    """Closures `(N,)` within one robot that are within its odometry's drift."""
+    odometry = trajectories[z.robot_a]
+    x = odometry.relative_pose(z.index_a, z.index_b)
+    error = se3.log(se3.between(z.T_a_b, x))
+    if settings.metric == "unit":
+        return _short(error, settings)
+    sigma = se3.inverse_covariance(z.T_a_b, z.covariance)
+    sigma = se3.compose_covariance(sigma, x, odometry.relative_covariance(z.index_a, z.index_b))
+    return np.asarray(mahalanobis_squared(error, sigma) < chi_square_limit(settings.probability))
+
+
+def _short(error: FloatArray, settings: PcmSettings) -> BoolArray:
+    return np.asarray(np.linalg.norm(error, axis=1) < settings.unit_threshold)
+
+
+def _refused(z: ClosureSet, size: int, settings: PcmSettings) -> str:
+    """Why a largest set is not accepted; empty if it is."""
+    total, needed = len(z), settings.min_clique_size if z.between_robots else 1
+    if size < needed:
+        if total <= 1:
+            return "a single closure cannot be checked" if total else "no closure left to check"
+        found = "no two" if size == 1 else f"no more than {size}"
+        return f"{found} of the {total} closures agree, {needed} must"
+    if total < settings.start_threshold:
+        return f"{total} closures are fewer than the {settings.start_threshold} that pcm.start_threshold asks for"
+    return ""

@@ -1,0 +1,136 @@
+"""Robots become groups, groups one map: sets of closures that agree join them, and every closure is judged by the rest.
+
+Each round compares all closures between two groups (of whichever of their robots), so that closures of different pairs
+of robots check each other over third robots; sets that hold join their groups, and the joined groups are estimated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure.backends import sigma_scale
+from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.hypotheses import Candidate, settle_cycles
+from wiclosure.backends.joining import joined_groups
+from wiclosure.backends.merge_settings import MergeSettings
+from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
+from wiclosure.backends.robots import Robots
+from wiclosure.backends.settling import Settled, graduated, outlier_limit, settle
+from wiclosure.types import BoolArray, IntArray
+
+REFINEMENTS = 4  # of the scale of sigma
+TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+
+
+@dataclass(eq=False)
+class Merged:
+    """What came of it.
+
+    Args:
+        inlier: `(M,)` closures that are accepted.
+        group: `(R,)` of each robot.
+        reason: by closure, where it is rejected.
+        candidates: sets between robots of the first round.
+        settled: the estimate within the groups.
+        scale: factor on all standard deviations.
+    """
+
+    inlier: BoolArray
+    group: IntArray
+    reason: dict[int, str]
+    candidates: list[Candidate]
+    settled: Settled
+    scale: float
+
+
+def merge(robots: Robots, settings: MergeSettings) -> Merged:
+    """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
+    own = robots.own
+    everything = settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
+    if settings.most_scale <= 1:
+        return _merged(robots, settings, everything, 1.0)
+    scale = _scale(robots, settings, everything)
+    merged = _merged(robots, settings, everything, scale)
+    left = sigma_scale.of_residuals(merged.settled.redundant)
+    better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
+    if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
+        return merged
+    return _merged(robots, settings, everything, better)
+
+
+def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
+    """Of what robots say within themselves; else of the sets between them."""
+    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability)
+    known, scale = sigma_scale.of_residuals(everything.redundant), most
+    for _ in range(REFINEMENTS):
+        if known is None:
+            break
+        before, scale = scale, sigma_scale.settled(known, most)
+        if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
+            return scale
+        left = sigma_scale.of_residuals(_own(robots.scaled(scale), everything.scaled(scale), limit).redundant)
+        if left is None:
+            break
+        known = scale * left
+    if known is not None:
+        return scale
+    settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
+    alone = np.arange(robots.count)
+    widest = settings.agree_limit * (2.0 * most) ** 2
+    largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
+    comparisons = [Comparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
+    return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
+
+
+def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
+    """Each robot by its own loops: all of them, where none contradicts the others."""
+    own = robots.own
+    if not (everything.distance[own] > limit).any():
+        return everything
+    inlier = own.copy()
+    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), robots.poses, robots.first_nodes, limit)
+    return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
+
+
+def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> Merged:
+    """Round after round."""
+    limit, robots = outlier_limit(len(robots.loops), settings.probability), robots.scaled(scale)
+    group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
+    of_robots: list[Candidate] | None = None
+    while True:
+        candidates = [
+            c for rows in pairs_of_groups(robots, group) for c in sets_between(robots, rows, group, settled, settings)
+        ]
+        settle_cycles(candidates, places_of_groups(robots, group, settled), settings.agree_limit, settings.rival_share)
+        of_robots = candidates if of_robots is None else of_robots
+        holding = [c for c in candidates if c.holds]
+        if not holding:
+            break
+        group, poses, joined = joined_groups(robots, group, settled, holding, settings.agree_limit)
+        ends = robots.groups_of_ends(group)
+        inside = ends[0] == ends[1]
+        inlier = settled.inlier.copy()
+        inlier[joined] = True
+        held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+        settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
+    reasons = _reasons(robots, group, settled, candidates)
+    return Merged(settled.inlier, group, reasons, of_robots, settled, scale)
+
+
+def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[Candidate]) -> dict[int, str]:
+    """Why closures are rejected."""
+    first, second = robots.groups_of_ends(group)
+    reasons: dict[int, str] = {}
+    for candidate in reversed(last):
+        for row in candidate.rows.tolist():
+            reasons[row] = candidate.fallen or candidate.doubt
+    for row in np.flatnonzero(~settled.inlier).tolist():
+        if first[row] == second[row]:
+            sigmas = np.sqrt(settled.distance[row])
+            reasons[row] = f"contradicts what the other closures and odometry predict, {sigmas:.1f} sigma off"
+        else:
+            reasons.setdefault(row, "no other closure agrees with it")
+    return reasons

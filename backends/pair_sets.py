@@ -1,0 +1,114 @@
+"""Sets of closures between two groups of robots, and the doubts that the pair alone leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.claims import Claims
+from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE, Candidate, Places
+from wiclosure.backends.merge_settings import MergeSettings
+from wiclosure.backends.robots import Robots
+from wiclosure.backends.settling import Settled
+from wiclosure.types import IntArray
+
+PLACE_PAIRS = 50  # pairs of places among which two may look alike: a seventh of both paths is not one of them
+VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
+
+
+def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
+    """Rows of the closures between each two groups."""
+    first, second = robots.groups_of_ends(group)
+    between = np.flatnonzero(first != second)
+    if len(between) == 0:
+        return []
+    low, high = np.minimum(first, second)[between], np.maximum(first, second)[between]
+    order = np.lexsort((high, low))
+    pair = (low * len(group) + high)[order]
+    return np.split(between[order], np.flatnonzero(np.diff(pair)) + 1)
+
+
+def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Settled) -> tuple[Claims, int, int]:
+    """The closures between two groups, all from the lower to the higher."""
+    loops, (first, second) = robots.loops.subset(rows), robots.groups_of_ends(group)
+    turned = first[rows] > second[rows]
+    T, covariance = loops.T.copy(), loops.covariance.copy()
+    covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
+    T[turned] = se3.inverse(T[turned])
+    a, b = np.where(turned, loops.second, loops.first), np.where(turned, loops.first, loops.second)
+    claims = Claims(settled.poses[a], settled.poses[b], T, covariance, settled.wander[a], settled.wander[b])
+    low, high = sorted((int(first[rows[0]]), int(second[rows[0]])))
+    return claims, low, high
+
+
+def sets_between(
+    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, settings: MergeSettings
+) -> list[Candidate]:
+    """Sets between two groups, with the doubts that the pair alone leaves."""
+    claims, a, b = claims_between(robots, rows, group, settled)
+    comparison = Comparison.of(claims, settings.agree_limit)
+    hypotheses = comparison.hypotheses(settings.agree_limit)
+    found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
+    for candidate in found:
+        candidate.extent = _extent(robots, candidate)
+        candidate.doubt = _doubt(robots, candidate, group, settings.min_size)
+    _rivals(found, settings.rival_share)
+    return found
+
+
+def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Places:
+    """Where closures of each group could be."""
+    of_node = group[robots.robot]
+    return {int(g): (settled.poses[of_node == g], settled.wander[of_node == g]) for g in np.unique(group)}
+
+
+def _extent(robots: Robots, candidate: Candidate) -> float:
+    """How far the closures' ends lie apart on either path, by how far apart scans still match."""
+    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
+    return _span(candidate) / max(reach, 1e-9)
+
+
+def _span(candidate: Candidate) -> float:
+    """The same in metres."""
+    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
+
+
+def _doubt(robots: Robots, candidate: Candidate, group: IntArray, min_size: int) -> str:
+    """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
+    size, total = len(candidate), candidate.hypothesis.total
+    if size == 1:
+        return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
+    if size < min_size:
+        return f"no more than {size} of the {total} closures agree, {min_size} must"
+    if candidate.hypothesis.log_chance > np.log(EXPECTED_BY_CHANCE):
+        return f"the largest set has {size} of {total} closures, which chance could explain"
+    lengths = robots.path_lengths()
+    length_a, length_b = (float(lengths[group == g].sum()) for g in (candidate.a, candidate.b))
+    span = _span(candidate)
+    covered = span**2 * PLACE_PAIRS >= length_a * length_b
+    if candidate.extent >= 1 or covered or robots.predicted[candidate.rows].any():
+        return ""
+    return (
+        f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"
+        " nothing else supports them"
+    )
+
+
+def _rivals(found: Sequence[Candidate], rival_share: float) -> None:
+    """Two sets of one pair that contradict each other and are alike in size leave it open."""
+    sure = [c for c in found if not c.doubt]
+    if len(sure) < 2:
+        return
+    largest, rival = sorted(sure, key=len, reverse=True)[:2]
+    close = len(rival) >= rival_share * len(largest)
+    sizes = f"of {len(largest)}" if len(largest) == len(rival) else f"of {len(largest)} and {len(rival)}"
+    for candidate in sure:
+        if close:
+            candidate.doubt = f"ambiguous, two sets {sizes} closures contradict each other; neither is believed"
+        elif candidate is not largest:
+            candidate.doubt = f"inconsistent with the {len(largest)} closures of the largest consistent set"

@@ -1,0 +1,60 @@
+"""A team of robots as arrays: nodes, odometry and closures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure.backends.edges import Edges
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Robots:
+    """A team as arrays.
+
+    Args:
+        robot: `(N,)` robot of each node, numbered; nodes of one robot follow each other.
+        poses: `(N, 4, 4)` by odometry, each robot in its own frame.
+        odometry: edges between consecutive nodes.
+        loops: all closures `(M,)`.
+        predicted: `(M,)` closures that a prediction supports.
+        step_m: median distance between keyframes; nodes may be further apart.
+    """
+
+    robot: IntArray
+    poses: FloatArray
+    odometry: Edges
+    loops: Edges
+    predicted: BoolArray
+    step_m: float
+
+    @property
+    def count(self) -> int:
+        """Of robots."""
+        return int(self.robot[-1]) + 1
+
+    @property
+    def own(self) -> BoolArray:
+        """Closures `(M,)` within one robot."""
+        return np.asarray(self.robot[self.loops.first] == self.robot[self.loops.second])
+
+    def groups_of_ends(self, group: IntArray) -> tuple[IntArray, IntArray]:
+        """Group of both ends of each closure, by the group `(R,)` of each robot."""
+        return group[self.robot[self.loops.first]], group[self.robot[self.loops.second]]
+
+    @property
+    def first_nodes(self) -> IntArray:
+        """Of each robot."""
+        return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
+
+    def path_lengths(self) -> FloatArray:
+        """Metres that each robot travelled."""
+        step = np.linalg.norm(self.odometry.T[:, :3, 3], axis=1)
+        return np.bincount(self.robot[self.odometry.first], step, minlength=self.count).astype(float)
+
+    def scaled(self, scale: float) -> Robots:
+        """All standard deviations so many times as large."""
+        odometry, loops = (Edges(e.first, e.second, e.T, scale**2 * e.covariance) for e in (self.odometry, self.loops))
+        return replace(self, odometry=odometry, loops=loops)

@@ -1,0 +1,159 @@
+"""Which closures within groups of robots that are joined already are inliers, and the estimate by them.
+
+Odometry is a known inlier.  Graduated non-convexity finds the inliers from any start; then each closure is judged by
+what all others predict, with the covariance of that prediction: a closure that nothing but odometry opposes pulls the
+estimate to itself, and its own residual would not tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import f
+
+from wiclosure import se3
+from wiclosure.backends.edges import Edges, System
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent
+DEGREES = 6
+REDUNDANCY_FLOOR = 1e-5  # of a closure that nothing checks
+CHECKED = 0.05  # share of an edge's variance that its residual shows: with less, it tells nothing of sigma
+GROWTH = 1.4  # of mu
+MOST_STEPS = 150
+GNC_STEPS = 5  # of Gauss-Newton while mu stays
+ROUNDS = 6
+WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The estimate within each group.
+
+    Args:
+        poses: `(N, 4, 4)` in the groups' frames.
+        wander: `(N, 6, S)` samples of their errors, as tangent vectors in the groups' frames.
+        inlier: `(M,)` closures that the estimate rests on.
+        distance: `(M,)` squared Mahalanobis distance of each closure from what the others predict; NaN outside groups.
+        redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
+    """
+
+    poses: FloatArray
+    wander: FloatArray
+    inlier: BoolArray
+    distance: FloatArray
+    redundant: FloatArray
+
+    def scaled(self, scale: float) -> Settled:
+        """The same with all standard deviations so many times as large."""
+        squared = scale**2
+        return replace(
+            self, wander=scale * self.wander, distance=self.distance / squared, redundant=self.redundant / squared
+        )
+
+
+def outlier_limit(closures: int, probability: float) -> float:
+    """Squared distance that not one of so many true closures exceeds, with this probability.
+
+    Hotelling's distribution rather than chi-square, because the covariances are sampled.
+    """
+    freedom = SAMPLES - DEGREES + 1
+    return float(f.ppf(probability ** (1.0 / max(closures, 1)), DEGREES, freedom) * DEGREES)
+
+
+def graduated(
+    odometry: Edges, loops: Edges, poses: FloatArray, held: IntArray, limit: float
+) -> tuple[BoolArray, FloatArray]:
+    """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
+
+    Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
+    the plain solution are within the limit, that is the answer; and where it costs less than what came of the steps.
+    """
+    system, count = System.of(odometry + loops, len(poses), held), len(odometry)
+    plain = poses = system.solved(poses)
+    chi_square = system.chi_squares(poses)[count:]
+    if (chi_square <= limit).all():
+        return np.ones(len(loops), bool), poses
+    mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
+    for _ in range(MOST_STEPS):
+        weights = _truncated_weights(chi_square, limit, mu)
+        if np.isin(weights, (0.0, 1.0)).all():
+            break
+        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=GNC_STEPS)
+        chi_square = system.chi_squares(poses)[count:]
+        mu *= GROWTH
+    poses = system.solved(poses, np.concatenate([np.ones(count), chi_square <= limit]))
+    best = min((poses, plain), key=lambda found: truncated_cost(system.chi_squares(found), count, limit))
+    return system.chi_squares(best)[count:] <= limit, best
+
+
+def truncated_cost(chi_squares: FloatArray, known: int, limit: float) -> float:
+    """Of known inliers, which come first, in full; of the others up to the limit."""
+    return float(chi_squares[:known].sum() + np.minimum(chi_squares[known:], limit).sum())
+
+
+def _truncated_weights(chi_square: FloatArray, limit: float, mu: float) -> FloatArray:
+    """Weights `(N,)` of the surrogate cost (eq. 14 of Yang et al.): 1 inside, 0 outside, falling between."""
+    inside, outside = limit * mu / (mu + 1), limit * (mu + 1) / mu
+    between = np.sqrt(limit * mu * (mu + 1) / np.clip(chi_square, inside, outside)) - mu
+    return np.where(chi_square <= inside, 1.0, np.where(chi_square >= outside, 0.0, between))
+
+
+def settle(
+    odometry: Edges,
+    loops: Edges,
+    inlier: BoolArray,
+    inside: BoolArray,
+    poses: FloatArray,
+    held: IntArray,
+    limit: float,
+) -> Settled:
+    """Starts with the given inliers, drops those that the others contradict and admits those that they predict.
+
+    Args:
+        odometry: known inliers.
+        loops: all closures `(M,)`.
+        inlier: those to start with.
+        inside: those whose ends are in one group; no other can be judged.
+        poses: start, in the groups' frames.
+        held: first node of each group.
+        limit: squared distance from which a closure is an outlier.
+    """
+    rng = np.random.default_rng(len(loops))
+    rows = np.flatnonzero(inside)
+    system = System.of(odometry + loops.subset(rows), len(poses), held)
+    noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
+    kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
+    for step in range(ROUNDS):
+        weights = np.concatenate([np.ones(count), kept.astype(float)])
+        poses = system.solved(poses, weights)
+        moved = system.perturbations(poses, weights, noise)
+        distance, checked = _studentised(system, poses, moved, noise)
+        of_loops = distance[count:]
+        drop = kept & (of_loops > limit)
+        if drop.any():
+            drop &= of_loops >= WORST * of_loops[drop].max()
+        admit = ~kept & (of_loops <= limit) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
+        if step == ROUNDS - 1 or not (drop.any() or admit.any()):
+            break
+        locked += drop
+        kept = (kept & ~drop) | admit
+    found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
+    found[rows], mask[rows] = of_loops, kept & (of_loops <= limit)
+    wander = se3.adjoint(poses) @ moved
+    redundant = distance[checked & np.concatenate([np.ones(count, bool), kept])]
+    return Settled(poses, wander, mask, found, redundant)
+
+
+def _studentised(
+    system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Squared distances `(M,)` of residuals by their own covariances, as sampled; which edges others check."""
+    A, B = system.jacobians(poses)
+    sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
+    covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - DEGREES - 1)
+    covariance += REDUNDANCY_FLOOR * np.eye(DEGREES)
+    residuals = system.residuals(poses)
+    distance = np.einsum("mi,mi->m", residuals, np.linalg.solve(covariance, residuals[..., None])[..., 0])
+    return distance, np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED

@@ -1,0 +1,67 @@
+"""How many times too small, or too large, the stated standard deviations are.
+
+Told by what is known to be right: within robots by their odometry and their own loops, whose residuals have a known
+distribution; without such loops by the scale at which sets of closures between robots are least likely by chance.
+Closures recombined of the same ends and measurements agree more as well when sigma is taken larger, so that a scale
+under which anything agrees explains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from wiclosure.backends.alignment import Comparison
+from wiclosure.types import FloatArray
+
+QUANTILES = np.array([0.5, 0.75, 0.9, 0.95])  # of residuals, the most demanding of which counts: tails may be heavy
+ENOUGH = 20  # residuals from which a scale is taken
+NO_MATTER = 1.5  # factors nearer to 1 change no decision that the data could settle
+STEP = np.sqrt(2.0)
+
+
+def of_residuals(distances: FloatArray) -> float | None:
+    """Factor by which squared distances `(K,)` of 6 degrees of freedom ask for; None if they are too few."""
+    if len(distances) < ENOUGH:
+        return None
+    return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, 6))))
+
+
+def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> float:
+    """The factor, at most `most` or its inverse, that makes the sets found between robots least likely by chance.
+
+    Then the pairs within these sets tell the factor as residuals do.
+    """
+    steps = int(np.log(most) / np.log(STEP) + 1e-9)
+    scales = STEP ** np.arange(-steps, steps + 1)
+    evidence = [sum(_evidence(of, limit * scale**2) for of in comparisons) for scale in scales]
+    if max(evidence) <= 0:
+        return 1.0
+    rough = float(scales[int(np.argmax(evidence))])
+    inside = np.concatenate([_inside(of, limit * (2.0 * rough) ** 2) for of in comparisons])
+    fine = of_residuals(inside)
+    return max(rough, 1.0) if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
+
+
+def settled(scale: float, most: float) -> float:
+    """Within what is allowed; 1 where it is near 1."""
+    if 1.0 / NO_MATTER <= scale <= NO_MATTER:
+        return 1.0
+    return float(np.clip(scale, 1.0 / most, most))
+
+
+def _evidence(comparison: Comparison, limit: float) -> float:
+    hypotheses = comparison.hypotheses(limit, most=1)
+    return max(0.0, -hypotheses[0].log_chance) if hypotheses else 0.0
+
+
+def _inside(comparison: Comparison, limit: float) -> FloatArray:
+    """Squared distances between the closures of the largest set, each pair once."""
+    hypotheses = comparison.hypotheses(limit, most=1)
+    if not hypotheses or hypotheses[0].log_chance > 0:
+        return np.zeros(0)
+    rows = np.flatnonzero(np.isin(comparison.anchors, hypotheses[0].rows))
+    square = comparison.distances[np.ix_(rows, comparison.anchors[rows])]
+    return np.asarray(square[np.triu_indices(len(rows), 1)])
