@@ -2,10 +2,10 @@
 
     python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--show]
 
-Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so that
-`none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures and how
-many of them are false, and whether a sentence of the diagnosis names the radio as the likely fault.  `worse` marks rows
-whose error is above 1.05 times that of `none` (and by more than 5 cm), or that connect fewer robots.
+Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
+that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
+and how many of them are false, and whether a sentence of the diagnosis names the radio as the likely fault.  `worse`
+marks rows whose error is above 1.05 times that of `none` (and by more than 5 cm), or that connect fewer robots.
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ def main() -> None:
         without: Outcome | None = None
         for label, (filter_name, spoil) in runs.items():
             spoilt = replace(inputs, wireless=spoil(inputs.wireless))
-            if label != "honest" and label != "none" and spoilt.wireless == inputs.wireless:
+            if label not in {"honest", "none"} and spoilt.wireless == inputs.wireless:
                 continue
             began = time.perf_counter()
             result = run(

@@ -98,6 +98,7 @@ def weigh(
         predicted: those that agree with the radio.
         refuted_places: separate places where the radio predicts two keyframes close together, of which registration
             found none to be.
+        settings: probabilities of errors, and when odds are decisive.
     """
     chosen = _FREE_PARAMETERS / 2 * np.log(max(measurements, 1))
     known, unknown = settings.systematic_error, settings.unknown_error

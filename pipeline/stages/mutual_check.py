@@ -107,34 +107,60 @@ def judge(
     nothing = Judged(outcome.pair)
     if radio.measurements == 0:
         return nothing
-    if outcome.kept.predicts is None:
-        pool: Sequence[Closure] = outcome.live or outcome.registered
-        blind: tuple[Closure, ...] = ()
-    else:
-        contradicting = _contradicting(outcome.registered, config.registration)
-        if len(outcome.live) >= max(_FEWEST, len(contradicting)):
-            return nothing
-        blind = tuple(register_blindly(outcome.pair, contradicting))
-        pool = blind
-    agreeing = survivors(pairwise_consistent(pool, both, config.pcm).closures, Stage.CONSISTENCY)
-    if len(agreeing) < 2:
+    found = _found(outcome, both, config, register_blindly)
+    if len(found.agreeing) < 2:
         return nothing
-    gap = _gap(outcome.kept, agreeing, config.registration)
-    if gap is not None and not gap.contradicts:
-        return Judged(outcome.pair, None, tuple(c for c in blind if c.live))
-    middle = [central(agreeing, both)]
+    if found.gap is not None and not found.gap.contradicts:
+        return Judged(outcome.pair, None, tuple(c for c in found.blind if c.live))
+    middle = [central(found.agreeing, both)]
     claimed = radio.claimed(middle)
-    agrees = gap is None and agrees_with_radio(claimed, radio.measurements)
+    agrees = found.gap is None and agrees_with_radio(claimed, radio.measurements)
     errors = radio.errors(middle, search=not agrees)
-    others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
-    closures = Agreement(len(agreeing), others, places(agreeing))
-    predicted, refuted = _for_and_against(outcome, agreeing, config.registration)
+    closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
+    predicted, refuted = _for_and_against(outcome, config.registration)
     weighed = weigh(claimed, errors, radio.measurements, closures, predicted, refuted, config.mutual_check)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
     believed = outcome.live if weighed.verdict is Verdict.RADIO else ()
-    lost = _ends(agreeing) | (_ends(outcome.live) - _ends(believed))
-    return Judged(outcome.pair, weighed, blind, lost, _sentence(outcome.pair, weighed, closures, gap))
+    lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(believed))
+    return Judged(outcome.pair, weighed, found.blind, lost, _sentence(outcome.pair, weighed, closures, found.gap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Closures that agree with each other, in spite of the radio.
+
+    Args:
+        agreeing: the set.
+        others: registered closures that contradict it.
+        blind: all that were registered without prediction to find it.
+        gap: from what is predicted of the set; None where nothing is.
+    """
+
+    agreeing: Sequence[Closure] = ()
+    others: int = 0
+    blind: tuple[Closure, ...] = ()
+    gap: _Gap | None = None
+
+
+def _found(
+    outcome: PairOutcome, both: Mapping[str, Trajectory], config: Config, register_blindly: RegisterBlindly
+) -> _Found:
+    """The set that may contradict the radio; nothing where the first round of registration is in no doubt."""
+    pools: list[Sequence[Closure]] = [outcome.live, outcome.registered]
+    blind: tuple[Closure, ...] = ()
+    if outcome.kept.predicts is not None:
+        contradicting = _contradicting(outcome.registered, config.registration)
+        if len(outcome.live) >= max(_FEWEST, len(contradicting)):
+            return _Found()
+        blind = tuple(register_blindly(outcome.pair, contradicting))
+        pools = [blind]
+    for pool in pools:
+        agreeing = survivors(pairwise_consistent(pool, both, config.pcm).closures, Stage.CONSISTENCY)
+        if len(agreeing) > 1:
+            others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
+            return _Found(agreeing, others, blind, _gap(outcome.kept, agreeing, config.registration))
+    return _Found(blind=blind)
 
 
 def _ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId]]:
@@ -163,9 +189,7 @@ def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings
     ]
 
 
-def _for_and_against(
-    outcome: PairOutcome, agreeing: Sequence[Closure], settings: RegistrationSettings
-) -> tuple[Agreement, float]:
+def _for_and_against(outcome: PairOutcome, settings: RegistrationSettings) -> tuple[Agreement, float]:
     """Closures that agree with the predictions, and separate places where no registration found what is predicted."""
     if outcome.kept.predicts is None:
         return Agreement(0, 0, 0.0), 0.0

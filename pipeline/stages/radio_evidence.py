@@ -124,10 +124,8 @@ def central(closures: Sequence[Closure], trajectories: Mapping[str, Trajectory])
     """The closure whose alignment of the frames lies nearest to those of the others of a set."""
     a, b = closures[0].query.robot, closures[0].match.robot
     T_a_b, _ = measured_poses(closures)
-    ends = (
-        trajectories[a].poses[[c.query.index for c in closures]],
-        trajectories[b].poses[[c.match.index for c in closures]],
-    )
+    at_a = trajectories[a].poses[[c.query.index for c in closures]]
+    at_b = trajectories[b].poses[[c.match.index for c in closures]]
     middle = trajectories[b].positions.mean(axis=0)
     there: FloatArray = at_a @ T_a_b @ se3.inverse(at_b) @ np.append(middle, 1.0)
     return closures[int(np.argmin(np.linalg.norm(there - np.median(there, axis=0), axis=1)))]

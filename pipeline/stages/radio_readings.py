@@ -45,11 +45,14 @@ def _measurements(change: Callable[[WirelessMeasurement], WirelessMeasurement | 
     return corrected
 
 
-def _ranges(factor: float, offset_m: float = 0.0) -> Correction:
+def _ranges(factor: float, offset_m: float = 0.0, *, sigma_factor: float | None = None) -> Correction:
+    """The sigmas are in the same unit unless another factor is given."""
+    of_sigma = factor if sigma_factor is None else sigma_factor
+
     def change(m: WirelessMeasurement) -> WirelessMeasurement:
         if m.range_m is None or m.range_sigma_m is None:
             return m
-        return replace(m, range_m=max(factor * m.range_m + offset_m, 0.0), range_sigma_m=factor * m.range_sigma_m)
+        return replace(m, range_m=max(factor * m.range_m + offset_m, 0.0), range_sigma_m=of_sigma * m.range_sigma_m)
 
     return _measurements(change)
 
@@ -109,8 +112,8 @@ AS_CLAIMED: Final = Reading("nothing", ("the log is as it claims to be",), (lamb
 FAULTS: Final[tuple[Reading, ...]] = (
     Reading(
         "units of ranges",
-        tuple(f"its ranges are in {unit}, not in metres" for unit in _UNITS),
-        tuple(_ranges(1.0 / per_m) for per_m in _UNITS.values()),
+        tuple(f"its ranges are in {unit}" for unit in (*_UNITS, "feet, their sigmas in metres")),
+        (*(_ranges(1.0 / per_m) for per_m in _UNITS.values()), _ranges(1.0 / FEET_PER_M, sigma_factor=1.0)),
     ),
     Reading(
         "scale of ranges",
@@ -156,5 +159,5 @@ FAULTS: Final[tuple[Reading, ...]] = (
     Reading("ranges", ("its ranges are wrong",), (_measurements(_directed),)),
 )
 
-OTHERWISE_READ: Final = tuple(r for r in FAULTS if len(r.corrections) <= 4 and r.kind != "compass")
+OTHERWISE_READ: Final = tuple(r for r in FAULTS if len(r.corrections) <= 5 and r.kind != "compass")
 """Errors of few corrections: an alignment of the log's own is searched for each."""
