@@ -113,13 +113,13 @@ def weigh(
     )
     right = {
         "": as_claimed + claimed.implied + other_look_alike,
-        **{e.cause: each + e.implied + other_look_alike for e in errors},
+        **{e.fault: each + e.implied + other_look_alike for e in errors},
         "an error of the radio that is none of the known ones": np.log(unknown)
         + max(claimed.free - chosen, 0.0)
         + other_look_alike,
     }
     neither = {
-        e.cause: each + e.free - chosen + closures.log_look_alike + other_look_alike
+        e.fault: each + e.free - chosen + closures.log_look_alike + other_look_alike
         for e in errors
         if np.isfinite(e.free) and e.free - e.implied > _COMPATIBLE
     }

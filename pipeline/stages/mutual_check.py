@@ -241,9 +241,9 @@ def _gap(kept: CandidatePairs, closures: Sequence[Closure], settings: Registrati
 def _sentence(pair: Pair, weighed: Weighed, closures: Agreement, gap: _Gap | None) -> str:
     found = f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" lie {gap}")
     odds = f"10^{weighed.log_odds / np.log(10):.0f} to 1" if weighed.log_odds < 700 else "beyond doubt"
-    fault = f"most likely {weighed.cause}"
+    fault = f"most likely: {weighed.cause}"
     said = {
-        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}: {found}; its measurements between these"
+        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; {found}; its measurements between these"
         " robots are left out",
         Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): {found}, and its measurements allow"
         " that as well; it was less certain than it seemed, and is left out between these robots",

@@ -10,12 +10,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wiclosure import se3
-from wiclosure.pipeline.stages.radio_readings import AS_CLAIMED, FAULTS, OTHERWISE_READ, Reading
+from wiclosure.pipeline.stages.radio_readings import Reading, readings
 from wiclosure.types import Closure, FloatArray, Trajectory, WirelessLog, measured_poses
 from wiclosure.wiclosure_filter.alignment.consensus import consensus
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.faults.corrections import Inputs
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -23,19 +24,17 @@ _MOST = 200  # measurements: more would not decide otherwise, and each reading t
 _PEAKS = 4  # of the likelihood that an alignment of closures is held against
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Explained:
-    """A way to read the log, and the log-evidence of what was measured; 0 is a log that says nothing.
+    """How well one way to read the log explains what was measured; log-evidence 0 is a log that says nothing.
 
     Args:
-        reading: the error.
-        cause: what is wrong, by the likeliest of its corrections.
-        implied: under the alignment that closures imply, all corrections being equally likely beforehand.
+        fault: what is wrong with the log, by the likeliest size of the error; empty for the log as it claims to be.
+        implied: under the alignment that closures imply, all sizes being equally likely beforehand.
         free: under the likeliest alignment of all; minus infinity where none was searched for.
     """
 
-    reading: Reading
-    cause: str
+    fault: str
     implied: float
     free: float
 
@@ -72,37 +71,32 @@ class PairRadio:
     @cached_property
     def measurements(self) -> int:
         """How many of the log can be used."""
-        return len(self._links(self.log))
+        return len(self._links(self.trajectories, self.log))
 
     def claimed(self, closures: Sequence[Closure]) -> Explained:
         """The log as it claims to be."""
-        return Explained(AS_CLAIMED, AS_CLAIMED.causes[0], *self._evidence(self.log, closures, search=True))
+        return Explained("", *self._evidence((self.trajectories, self.log), closures, search=True))
 
     def errors(self, closures: Sequence[Closure], *, search: bool = True) -> list[Explained]:
-        """Every systematic error that the log can have, undone; an alignment is searched for those of few sizes."""
-        found = (self._explained(r, closures, search=search and r in OTHERWISE_READ) for r in FAULTS)
-        return [explained for explained in found if explained is not None]
+        """Every systematic error that the log may have, undone; see `Reading` for what is searched."""
+        return [self._explained(reading, closures, search=search) for reading in readings(*self.pair, self.log)]
 
-    def _explained(self, reading: Reading, closures: Sequence[Closure], *, search: bool) -> Explained | None:
-        """None where no correction changes the log."""
-        found = []
-        for cause, correction in zip(reading.causes, reading.corrections, strict=True):
-            log = correction(self.log)
-            if log != self.log:
-                found.append((cause, *self._evidence(log, closures, search=search)))
-        if not found:
-            return None
-        causes, implied, free = zip(*found, strict=True)
-        best = int(np.argmax(implied if max(implied) > max(free) - 1.0 else free))
-        count = np.log(len(found))
-        return Explained(reading, causes[best], float(logsumexp(implied) - count), float(logsumexp(free) - count))
+    def _explained(self, reading: Reading, closures: Sequence[Closure], *, search: bool) -> Explained:
+        inputs = [correction.apply((self.trajectories, self.log)) for correction in reading.corrections]
+        searched = search and reading.changes_alignment
+        implied, free = np.array([self._evidence(given, closures, search=searched) for given in inputs]).T
+        best = int(np.argmax(implied if implied.max() > free.max() - 1.0 else free))
+        count = np.log(len(inputs))
+        fault = reading.corrections[best].fault
+        return Explained(fault, float(logsumexp(implied) - count), float(logsumexp(free) - count))
 
-    def _evidence(self, log: WirelessLog, closures: Sequence[Closure], *, search: bool) -> tuple[float, float]:
+    def _evidence(self, inputs: Inputs, closures: Sequence[Closure], *, search: bool) -> tuple[float, float]:
         """Log-evidence of a log: implied, and free or minus infinity."""
-        links = self._links(log)
+        trajectories, log = inputs
+        links = self._links(trajectories, log)
         if len(links) == 0:
             return 0.0, -np.inf
-        problem = AlignmentProblem.of(links, self.trajectories, self.settings)
+        problem = AlignmentProblem.of(links, trajectories, self.settings)
         # As in the radio consistency check: that robots are level is nothing to hold against a measured pose.
         problem = replace(problem, prior=replace(problem.prior, height_sigma_m=self.settings.height_sigma_m))
         peaks = consensus(problem, self.settings.proposals) if search else None
@@ -114,9 +108,9 @@ class PairRadio:
         best = int(np.argmax(implied))
         return float(implied[best]), float(free[best])
 
-    def _links(self, log: WirelessLog) -> Links:
+    def _links(self, trajectories: Mapping[str, Trajectory], log: WirelessLog) -> Links:
         limits = GatheringLimits.of(self.settings)
-        links = TeamLinks.of(self.trajectories, log, limits).by_pair[self.pair]
+        links = TeamLinks.of(trajectories, log, limits).by_pair[self.pair]
         return links.thinned(min(self.settings.max_measurements, _MOST))
 
 

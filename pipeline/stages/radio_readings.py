@@ -1,163 +1,91 @@
-"""Ways to read a wireless log: as it claims to be, or with one systematic error undone.
+"""Ways to read the log of two robots: with one systematic error undone, of a size that is known or is tried.
 
-Each error that is known from practice is one reading: what the user would have to be told, and the corrections of which
-one undoes it.  An error with an unknown size has one correction for each size that is tried.
+The errors are those of `wiclosure.wiclosure_filter.faults`.  There, a correction must speak for itself; here closures
+tell where the robots are, so that errors of any size and parts of a log can be tried as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
 
 import numpy as np
 
-from wiclosure.types import AoaFrame, AoaPath, WirelessLog, WirelessMeasurement
-
-Correction: TypeAlias = Callable[[WirelessLog], WirelessLog]
-
-FEET_PER_M = 3.28084
-YARDS_PER_M = 1.09361
-
-
-@dataclass(frozen=True)
-class Reading:
-    """One systematic error of a log.
-
-    Args:
-        kind: in a word or two, as in `clock` or `units of ranges`.
-        causes: one sentence part for each correction: what is wrong if it holds.
-        corrections: what undoes the error; exactly one holds.
-    """
-
-    kind: str
-    causes: tuple[str, ...]
-    corrections: tuple[Correction, ...]
-
-
-def _measurements(change: Callable[[WirelessMeasurement], WirelessMeasurement | None]) -> Correction:
-    """Measurements corrected one by one; None leaves one out."""
-
-    def corrected(log: WirelessLog) -> WirelessLog:
-        changed = (change(m) for m in log.measurements)
-        return replace(log, measurements=tuple(m for m in changed if m is not None))
-
-    return corrected
-
-
-def _ranges(factor: float, offset_m: float = 0.0, *, sigma_factor: float | None = None) -> Correction:
-    """The sigmas are in the same unit unless another factor is given."""
-    of_sigma = factor if sigma_factor is None else sigma_factor
-
-    def change(m: WirelessMeasurement) -> WirelessMeasurement:
-        if m.range_m is None or m.range_sigma_m is None:
-            return m
-        return replace(m, range_m=max(factor * m.range_m + offset_m, 0.0), range_sigma_m=of_sigma * m.range_sigma_m)
-
-    return _measurements(change)
-
-
-def _azimuths(sign: int, offset_deg: float) -> Correction:
-    def turned(path: AoaPath) -> AoaPath:
-        azimuth = np.remainder(sign * path.azimuth + np.radians(offset_deg) + np.pi, 2 * np.pi) - np.pi
-        return replace(path, azimuth=float(azimuth))
-
-    return _measurements(lambda m: replace(m, paths=tuple(map(turned, m.paths))))
-
-
-def _axes(frame: AoaFrame) -> Correction:
-    return _measurements(lambda m: replace(m, aoa_frame=frame) if m.paths else m)
-
-
-def _clock(seconds: float) -> Correction:
-    """The robot that is last by name has a clock so much ahead: where it was is looked up so much earlier."""
-    late_ns = round(seconds * 1e9)
-
-    def change(m: WirelessMeasurement) -> WirelessMeasurement:
-        sent_ns = m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns
-        if m.receiver < m.transmitter:
-            return replace(m, transmitter_stamp_ns=sent_ns + late_ns)
-        return replace(m, stamp_ns=m.stamp_ns + late_ns, transmitter_stamp_ns=sent_ns)
-
-    return _measurements(change)
-
-
-def _swapped(m: WirelessMeasurement) -> WirelessMeasurement:
-    return replace(m, receiver=m.transmitter, transmitter=m.receiver) if m.paths else m
-
-
-def _ranged(m: WirelessMeasurement) -> WirelessMeasurement | None:
-    return None if m.range_m is None else replace(m, paths=())
-
-
-def _directed(m: WirelessMeasurement) -> WirelessMeasurement | None:
-    return replace(m, range_m=None, range_sigma_m=None) if m.paths else None
-
-
-def _steps(first: float, last: float, step: float, *, without: float) -> tuple[float, ...]:
-    values = np.round(np.arange(first, last + step / 2, step), 6)
-    return tuple(float(v) for v in values if abs(v - without) > step / 2)
-
-
-_UNITS = {"feet": FEET_PER_M, "yards": YARDS_PER_M, "centimetres": 100.0, "millimetres": 1000.0}
-_QUARTERS = {0: "x forward", 90: "y left", 180: "x backward", -90: "y right"}
-_TURNS = tuple(t for t in _steps(-170.0, 180.0, 10.0, without=0.0) if t % 90)
-_SCALES = _steps(0.85, 1.15, 0.02, without=1.0)
-_OFFSETS = _steps(-5.0, 5.0, 0.5, without=0.0)
-_CLOCKS = _steps(-4.0, 4.0, 0.25, without=0.0)
-_FRAMES: tuple[AoaFrame, ...] = ("body", "odometry", "world")
-
-AS_CLAIMED: Final = Reading("nothing", ("the log is as it claims to be",), (lambda log: log,))
-
-FAULTS: Final[tuple[Reading, ...]] = (
-    Reading(
-        "units of ranges",
-        tuple(f"its ranges are in {unit}" for unit in (*_UNITS, "feet, their sigmas in metres")),
-        (*(_ranges(1.0 / per_m) for per_m in _UNITS.values()), _ranges(1.0 / FEET_PER_M, sigma_factor=1.0)),
-    ),
-    Reading(
-        "scale of ranges",
-        tuple(
-            f"its ranges are about {abs(100 / s - 100):.0f} % too {'long' if s < 1 else 'short'} for the odometry"
-            for s in _SCALES
-        ),
-        tuple(_ranges(s) for s in _SCALES),
-    ),
-    Reading(
-        "bias of ranges",
-        tuple(f"its ranges are about {abs(m):g} m too {'long' if m < 0 else 'short'}" for m in _OFFSETS),
-        tuple(_ranges(1.0, m) for m in _OFFSETS),
-    ),
-    Reading(
-        "clock",
-        tuple(f"the robots' clocks are about {abs(s):g} s apart" for s in _CLOCKS),
-        tuple(_clock(s) for s in _CLOCKS),
-    ),
-    Reading(
-        "handedness of azimuths",
-        tuple(f"its azimuths run clockwise, from {axis}" for axis in _QUARTERS.values()),
-        tuple(_azimuths(-1, turn) for turn in _QUARTERS),
-    ),
-    Reading(
-        "zero of azimuths",
-        tuple(f"its azimuths are counted from {axis}" for turn, axis in _QUARTERS.items() if turn),
-        tuple(_azimuths(1, turn) for turn in _QUARTERS if turn),
-    ),
-    Reading(
-        "mounting of the antennas",
-        tuple(f"its azimuths are turned by about {-turn:g} degrees" for turn in _TURNS),
-        tuple(_azimuths(1, turn) for turn in _TURNS),
-    ),
-    Reading(
-        "axes of azimuths",
-        tuple(f"its azimuths are in {frame} axes, whatever aoa_frame says" for frame in _FRAMES),
-        tuple(_axes(frame) for frame in _FRAMES),
-    ),
-    Reading("ids", ("receiver and transmitter are swapped",), (_measurements(_swapped),)),
-    Reading("compass", ("a compass is wrong",), (lambda log: replace(log, headings=()),)),
-    Reading("directions", ("its directions of arrival are wrong",), (_measurements(_ranged),)),
-    Reading("ranges", ("its ranges are wrong",), (_measurements(_directed),)),
+from wiclosure.types import WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.faults.corrections import (
+    Correction,
+    azimuths_off,
+    clocks_apart,
+    corrections,
+    ranges_off,
+    sigmas_too_small,
 )
 
-OTHERWISE_READ: Final = tuple(r for r in FAULTS if len(r.corrections) <= 5 and r.kind != "compass")
-"""Errors of few corrections: an alignment of the log's own is searched for each."""
+_CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)
+_BIASES_M = tuple(m for m in np.arange(-5.0, 5.5, 0.5).tolist() if m)
+_SCALES = tuple(s for s in np.round(np.arange(0.84, 1.17, 0.02), 2).tolist() if s != 1.0)
+_TURNS_DEG = tuple(d for d in range(-170, 180, 10) if d % 90)  # quarters are errors of their own
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One systematic error.
+
+    Args:
+        corrections: what undoes it, for each size that is tried; exactly one of them holds.
+        changes_alignment: whether the log, with it undone, may tell quite another alignment: that is searched for.
+    """
+
+    corrections: tuple[Correction, ...]
+    changes_alignment: bool = False
+
+
+def readings(robot_a: str, robot_b: str, log: WirelessLog) -> list[Reading]:
+    """All errors that the log of two robots may have."""
+    clocks = tuple(clocks_apart(robot_b, seconds) for seconds in _CLOCKS_S)
+    # Wider standard deviations make neighbouring measurements count for more, which is no evidence.
+    apart = {c.fault for c in (*clocks, *(sigmas_too_small(factor) for factor in (3.0, 10.0)))}
+    known = [c for c in corrections(robot_a, robot_b, log) if c.fault not in apart]
+    found = [Reading((correction,), correction.of_log) for correction in known]
+    found.append(Reading(clocks))
+    ranged, directed = (any(has(m) for m in log.measurements) for has in (_has_range, _has_paths))
+    if ranged:
+        found += [Reading(tuple(map(ranges_off, _BIASES_M))), Reading(tuple(map(_ranges_scaled, _SCALES)))]
+    if directed:
+        found.append(Reading(tuple(azimuths_off(float(np.radians(degrees))) for degrees in _TURNS_DEG)))
+    if ranged and directed:
+        found += [Reading((_DIRECTIONS_WRONG,), True), Reading((_RANGES_WRONG,), True)]
+    return found
+
+
+def _has_range(m: WirelessMeasurement) -> bool:
+    return m.range_m is not None
+
+
+def _has_paths(m: WirelessMeasurement) -> bool:
+    return bool(m.paths)
+
+
+def _each(fault: str, change: Callable[[WirelessMeasurement], WirelessMeasurement | None]) -> Correction:
+    """Of every measurement; None leaves one out."""
+
+    def changed(log: WirelessLog) -> WirelessLog:
+        measurements = (change(m) for m in log.measurements)
+        return replace(log, measurements=tuple(m for m in measurements if m is not None))
+
+    return Correction(fault, lambda inputs: (inputs[0], changed(inputs[1])))
+
+
+def _ranges_scaled(factor: float) -> Correction:
+    side = "long" if factor < 1 else "short"
+
+    def scaled(m: WirelessMeasurement) -> WirelessMeasurement:
+        return m if m.range_m is None else replace(m, range_m=factor * m.range_m)
+
+    return _each(f"ranges are about {abs(100 / factor - 100):.0f} % too {side} for the odometry", scaled)
+
+
+_DIRECTIONS_WRONG = _each(
+    "directions of arrival are wrong", lambda m: replace(m, paths=()) if m.range_m is not None else None
+)
+_RANGES_WRONG = _each("ranges are wrong", lambda m: replace(m, range_m=None, range_sigma_m=None) if m.paths else None)

@@ -78,7 +78,7 @@ def late(m: WirelessMeasurement) -> WirelessMeasurement:
     return replace(m, stamp_ns=m.stamp_ns + 2 * 10**9, transmitter_stamp_ns=m.stamp_ns)
 
 
-@pytest.mark.parametrize(("change", "cause"), [(in_feet, "in feet"), (late, "clocks are about")])
+@pytest.mark.parametrize(("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta")])
 def test_closures_that_agree_overrule_a_wrong_radio_which_is_named(
     prepared: Prepared, change: Change, cause: str
 ) -> None:

@@ -1,94 +1,71 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.stages.radio_readings import AS_CLAIMED, FAULTS, FEET_PER_M, OTHERWISE_READ, Reading
-from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
-
-Spoil = Callable[[WirelessMeasurement], WirelessMeasurement]
+from wiclosure import se3
+from wiclosure.pipeline.stages.radio_readings import Reading, readings
+from wiclosure.types import AoaPath, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.faults.corrections import azimuths_off, clocks_apart, ranges_off
 
 BEARING = WirelessMeasurement(
     1_000_000_000, "a", "b", 12.0, 0.3, (AoaPath(0.4, 0.1), AoaPath(-2.0, 0.1)), transmitter_stamp_ns=1_000_000_000
 )
 RANGE = WirelessMeasurement(2_000_000_000, "b", "a", 7.0, 0.3, transmitter_stamp_ns=2_000_000_000)
 LOG = WirelessLog((BEARING, RANGE), (Heading(0, "a", 0.1, 0.05),))
+TRAJECTORIES = {
+    robot: Trajectory(robot, np.arange(4) * 10**9, se3.from_yaw(np.zeros(4), np.arange(12.0).reshape(4, 3)))
+    for robot in ("a", "b")
+}
 
 
-def turned(change: Callable[[float], float]) -> Spoil:
-    return lambda m: replace(m, paths=tuple(replace(p, azimuth=change(p.azimuth)) for p in m.paths))
+def reading_with(words: str, log: WirelessLog = LOG) -> Reading:
+    return next(r for r in readings("a", "b", log) if any(words in c.fault for c in r.corrections))
 
 
-def late(m: WirelessMeasurement) -> WirelessMeasurement:
-    """The clock of b is 0.75 s ahead."""
-    if m.receiver == "a":
-        return replace(m, transmitter_stamp_ns=m.stamp_ns - 750_000_000)
-    return replace(m, stamp_ns=m.stamp_ns - 750_000_000)
+@pytest.mark.parametrize("log", [LOG, WirelessLog((RANGE,)), replace(LOG, headings=())])
+def test_every_correction_changes_what_it_is_given_and_has_a_sentence(log: WirelessLog) -> None:
+    for reading in readings("a", "b", log):
+        assert reading.corrections
+        for correction in reading.corrections:
+            trajectories, corrected = correction.apply((TRAJECTORIES, log))
+            assert correction.fault
+            moved = any(
+                not np.array_equal(trajectories[robot].poses, TRAJECTORIES[robot].poses) for robot in TRAJECTORIES
+            )
+            assert (corrected == log and moved) if not correction.of_log else corrected != log
 
 
-def in_feet(m: WirelessMeasurement) -> WirelessMeasurement:
-    assert m.range_m is not None
-    assert m.range_sigma_m is not None
-    return replace(m, range_m=FEET_PER_M * m.range_m, range_sigma_m=FEET_PER_M * m.range_sigma_m)
+def test_errors_of_unknown_size_are_tried_on_both_sides() -> None:
+    for words in ("clock of b", "m too long", "% too long for the odometry", "mounted turned"):
+        assert len(reading_with(words).corrections) >= 16
+        assert not reading_with(words).changes_alignment
+    tried = {correction.fault for reading in readings("a", "b", LOG) for correction in reading.corrections}
+    for correction in (clocks_apart("b", -0.75), clocks_apart("b", 2.0), ranges_off(3.0), azimuths_off(np.radians(20))):
+        assert correction.fault in tried
 
 
-def too_long(m: WirelessMeasurement) -> WirelessMeasurement:
-    assert m.range_m is not None
-    return replace(m, range_m=m.range_m + 3.0)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "kind", "cause"),
-    [
-        (in_feet, "units of ranges", "its ranges are in feet"),
-        (too_long, "bias of ranges", "its ranges are about 3 m too long"),
-        (late, "clock", "the robots' clocks are about 0.75 s apart"),
-        (turned(lambda a: -a), "handedness of azimuths", "its azimuths run clockwise, from x forward"),
-        (turned(lambda a: a - np.pi / 2), "zero of azimuths", "its azimuths are counted from y left"),
-        (turned(lambda a: a + np.pi), "zero of azimuths", "its azimuths are counted from x backward"),
-        (
-            turned(lambda a: a + np.radians(20)),
-            "mounting of the antennas",
-            "its azimuths are turned by about 20 degrees",
-        ),
-    ],
-)
-def test_one_correction_undoes_each_error(spoil: Spoil, kind: str, cause: str) -> None:
-    spoilt = replace(LOG, measurements=tuple(map(spoil, LOG.measurements)))
-    reading = named(kind)
-    undone = dict(zip(reading.causes, reading.corrections, strict=True))[cause](spoilt)
-    for found, right in zip(undone.measurements, LOG.measurements, strict=True):
-        assert (found.stamp_ns, found.transmitter_stamp_ns) == (right.stamp_ns, right.transmitter_stamp_ns)
-        assert found.range_m == pytest.approx(right.range_m)
-        assert found.range_sigma_m == pytest.approx(right.range_sigma_m)
-        assert [p.azimuth for p in found.paths] == pytest.approx([p.azimuth for p in right.paths])
-
-
-def named(kind: str) -> Reading:
-    return next(reading for reading in FAULTS if reading.kind == kind)
-
-
-def test_every_cause_has_its_correction_and_none_leaves_such_a_log_as_it_is() -> None:
-    assert AS_CLAIMED.corrections[0](LOG) == LOG
-    for reading in FAULTS:
-        assert len(reading.causes) == len(reading.corrections)
-        changed = [correction(LOG) != LOG for correction in reading.corrections]
-        assert all(changed) or reading.kind == "axes of azimuths"  # which is in body axes already
-    assert {reading.kind for reading in OTHERWISE_READ} < {reading.kind for reading in FAULTS}
+def test_what_a_log_does_not_have_cannot_be_wrong() -> None:
+    faults = [c.fault for r in readings("a", "b", WirelessLog((RANGE,))) for c in r.corrections]
+    assert not any("azimuth" in fault or "direction" in fault or "compass" in fault for fault in faults)
+    assert not any("standard deviations" in fault for fault in faults)
 
 
 def test_parts_of_a_log_that_may_be_wrong_are_left_out() -> None:
-    (ranged, other) = named("directions").corrections[0](LOG).measurements
+    (of_ranges,) = reading_with("directions of arrival are wrong").corrections
+    (ranged, other) = of_ranges.apply((TRAJECTORIES, LOG))[1].measurements
     assert (ranged.range_m, ranged.paths, other) == (12.0, (), RANGE)
-    (directed,) = named("ranges").corrections[0](LOG).measurements
+    (of_directions,) = reading_with("ranges are wrong").corrections
+    (directed,) = of_directions.apply((TRAJECTORIES, LOG))[1].measurements
     assert (directed.range_m, directed.paths) == (None, BEARING.paths)
-    assert named("compass").corrections[0](LOG).headings == ()
 
 
-def test_what_changes_no_range_leaves_a_log_without_directions_as_it_is() -> None:
-    log = WirelessLog((RANGE,))
-    for kind in ("handedness of azimuths", "zero of azimuths", "mounting of the antennas", "axes of azimuths", "ids"):
-        assert all(correction(log) == log for correction in named(kind).corrections)
+def test_ranges_that_are_a_tenth_short_are_stretched_by_one_of_the_scales() -> None:
+    lengths = [
+        m.range_m
+        for correction in reading_with("% too short for the odometry").corrections
+        for m in correction.apply((TRAJECTORIES, LOG))[1].measurements[:1]
+    ]
+    assert min(abs(length - 12.0 / 0.9) for length in lengths if length is not None) < 0.15
