@@ -35,6 +35,35 @@ ENVIRONMENT_PREFIX = "WICLOSURE_"
 NOT_SETTINGS = {"WICLOSURE_DATA", "WICLOSURE_CACHE", "WICLOSURE_CACHE_GB"}
 
 
+class MutualCheckSettings(Settings):
+    """Radio against closures that contradict it: which of the two is wrong, by the odds."""
+
+    enabled: bool = Field(True, description="false: what contradicts the radio is rejected, whatever speaks for it")
+    systematic_error: float = Field(
+        0.05,
+        gt=0,
+        lt=0.5,
+        description="probability that a log has one of the known systematic errors (clock, units, axes, mounting, ids):"
+        " of logs that somebody records for the first time, about one in twenty",
+    )
+    unknown_error: float = Field(
+        0.001,
+        gt=0,
+        lt=0.5,
+        description="probability of an error that is none of these and yet fits another alignment, as one reflection"
+        " along a whole street does",
+    )
+    decisive_odds: float = Field(
+        10.0, gt=1, description="odds from which one side wins; below, nothing of the pair of robots is accepted"
+    )
+    budget: int = Field(
+        40,
+        ge=0,
+        description="look-alike pairs of two robots that are registered without prediction where hardly anything agrees"
+        " with the predictions: spread over the paths, enough to find a set, seconds to register; 0: none",
+    )
+
+
 class Config(Settings):
     """Everything that can be set about a run."""
 
@@ -47,6 +76,7 @@ class Config(Settings):
     matching: MatchingSettings = MatchingSettings()
     revisits: IntraRobotLoopSettings = IntraRobotLoopSettings()
     registration: RegistrationSettings = RegistrationSettings()
+    mutual_check: MutualCheckSettings = MutualCheckSettings()
     pcm: PcmSettings = PcmSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()
     graphs: GraphFileSettings = GraphFileSettings()
