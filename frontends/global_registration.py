@@ -18,6 +18,7 @@ GlobalStarts: TypeAlias = Callable[[PreparedCloud, PreparedCloud, float | None],
 """Takes both clouds and scan context's yaw, rad or None; gives starts `T_query_match (S, 4, 4)`."""
 
 _FEWEST_INLIERS = 5
+_FEWEST_FEATURES, _NEIGHBOURS, _REACH_VOXELS = 10, 5, 3.0
 
 
 def global_starts(settings: RegistrationSettings) -> GlobalStarts:
@@ -57,6 +58,8 @@ class _KissMatcher:
         # The middle level: features of the finest take twice the time and are no better.
         level = len(query.levels) // 2
         voxel_m = query.voxel_m * 2.0 ** (len(query.levels) - 1 - level)
+        if not all(_has_features(cloud.levels[level].points, voxel_m) for cloud in (query, match)):
+            return others
         matcher = self._library.KISSMatcher(self._library.KISSMatcherConfig(voxel_m))
         found = matcher.estimate(match.levels[level].points, query.levels[level].points)
         if not found.valid or matcher.get_num_final_inliers() < _FEWEST_INLIERS:
@@ -64,3 +67,13 @@ class _KissMatcher:
         T_query_match = np.eye(4)
         T_query_match[:3, :3], T_query_match[:3, 3] = found.rotation, found.translation
         return np.concatenate([se3.exp(se3.log(T_query_match[None])), others])  # a rotation to the last digit
+
+
+def _has_features(points: FloatArray, voxel_m: float) -> bool:
+    """Whether enough of the points `(N, 3)` have neighbours to be described by; without, KISS-Matcher crashes."""
+    from scipy.spatial import cKDTree
+
+    if len(points) < _FEWEST_FEATURES:
+        return False
+    neighbours = cKDTree(points).query_ball_point(points, _REACH_VOXELS * voxel_m, return_length=True) - 1
+    return bool(np.sum(neighbours >= _NEIGHBOURS) >= _FEWEST_FEATURES)

@@ -18,7 +18,7 @@ from pydantic import Field
 from wiclosure import se3
 from wiclosure.errors import ConfigError
 from wiclosure.settings import Settings
-from wiclosure.simulation.propagation import FreeSpace, InScene, Propagation
+from wiclosure.simulation.propagation import InScene, Propagation, Unobstructed
 from wiclosure.simulation.scene import Scene
 from wiclosure.simulation.schedule import LinkWindow, link_is_up
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, IntArray, Trajectory, WirelessLog
@@ -83,7 +83,7 @@ def simulate_wireless_from_poses(
     ground_truth: Mapping[str, Trajectory], settings: RadioSettings, seed: int
 ) -> WirelessLog:
     """The radio of robots whose true poses in one frame are known, in free space with random false paths."""
-    return _simulate(ground_truth, FreeSpace(), settings, seed)
+    return _simulate(ground_truth, Unobstructed(), settings, seed)
 
 
 def simulate_wireless(
@@ -211,7 +211,7 @@ def _profiles(
     else:
         paths = np.full(count, settings.paths)
     false_paths = paths - direct
-    mirrored = FreeSpace().reflections(heard.receiver_m, heard.transmitter_m)
+    mirrored = Unobstructed().reflections(heard.receiver_m, heard.transmitter_m)
     if settings.reflections:
         mirrored = propagation.reflections(heard.receiver_m, heard.transmitter_m)
     return [

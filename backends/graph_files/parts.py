@@ -59,8 +59,8 @@ class NamedGraph:
         """Some of the edges as arrays."""
         guesses = np.stack([vertex.T_world_body for vertex in self.vertices])
         T = np.array([self.edges[n].T_first_second for n in rows]).reshape(-1, 4, 4)
-        doubtful = np.array([bool(self.edges[n].may_be_false) for n in rows], bool)
-        return edge_table(self.numbers[rows], T, self.stated.matrices[rows], doubtful, guesses)
+        may_be_false = np.array([bool(self.edges[n].may_be_false) for n in rows], bool)
+        return edge_table(self.numbers[rows], T, self.stated.matrices[rows], may_be_false, guesses)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,13 @@ from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
-from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_factors, step_factors
+from wiclosure.wiclosure_filter.shared.joint_factors import (
+    add_first_guess,
+    add_height,
+    add_links,
+    frame_factors,
+    step_factors,
+)
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # The drift is scaled again where it grew by this factor, at most so often.
@@ -169,6 +175,10 @@ def estimate(
     for (a, b), kept in team.links.items():
         at_a, at_b = team.ends[a, b]
         add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
+        sigma_m = kept.height_sigma_m(prior, nodes[a].trajectory, nodes[b].trajectory)
+        if sigma_m is not None:
+            middle = len(kept) // 2
+            add_height(others, int(first[a] + at_a[middle]), int(first[b] + at_b[middle]), sigma_m)
     as_modelled = step_factors(nodes, first)
     values, covariance = _solved(as_modelled, others, initial, linked)
     # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse

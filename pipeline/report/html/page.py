@@ -5,13 +5,13 @@ from __future__ import annotations
 import html
 import json
 import math
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.report.html.packing import sharing, without_sharing
-from wiclosure.version import __version__
 
 PAGE = "report.html"
 _BEGIN, _END = '<script type="application/json" id="report-data">', "</script>"
@@ -55,7 +55,7 @@ def write_page(path: Path, report: dict[str, Any]) -> None:
     )
     page = _PAGE.format(
         title=html.escape(report["title"]),
-        version=html.escape(__version__),
+        version=html.escape(version("wiclosure")),
         style=style.replace("</style", "<\\/style"),
         licences=html.escape(licences),
         begin=_BEGIN,

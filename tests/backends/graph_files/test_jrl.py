@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from wiclosure.backends.graph_files.jrr_writer import write_robot_results
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.errors import InputError
 
@@ -102,21 +101,6 @@ def test_what_is_no_robot_log_is_refused_in_one_line(log, tmp_path, change, mess
     with pytest.raises(InputError, match=message) as refused:
         read(change(log[1]), tmp_path)
     assert "\n" not in str(refused.value)
-
-
-def test_results_have_the_values_of_a_robot_log(tmp_path, forms):
-    poses = forms.random_team(1, 2).chained([np.eye(4)] * 2)
-    keys = {"a": np.array([forms.symbols(0, n) for n in range(len(poses[0]))], np.uint64)}
-    write_robot_results(tmp_path / "r.jrr", "random", {"a": poses[0]}, keys, [("b", 4, 1), ("b", 2, 0)])
-    results = json.loads((tmp_path / "r.jrr").read_text())
-    assert results["robots"] == [ord("a")]
-    assert results["outliers"] == {"a": [], "b": [[2, 0], [4, 1]]}
-    third = results["solutions"]["a"][2]
-    assert third["key"] == forms.symbols(0, 2)
-    assert third["type"] == "Pose3"
-    expected = forms.value(poses[0][2])
-    np.testing.assert_allclose(third["translation"], expected["translation"])
-    np.testing.assert_allclose(np.abs(np.dot(third["rotation"], expected["rotation"])), 1.0)
 
 
 def test_logs_packed_as_cbor_are_read(log, tmp_path):

@@ -2,78 +2,112 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from wiclosure.backends.graph_files.edge_table import EdgeTable
+from wiclosure import se3
+from wiclosure.backends.graph_files.edge_table import edge_table
 from wiclosure.backends.graph_files.robots import by_own_edges, connected
 
-KINDS = {"odometry": np.eye(6), "loop": 4 * np.eye(6)}
+STEP, LOOP = np.diag(np.square([0.01] * 3 + [0.05] * 3)), np.diag(np.square([0.02] * 3 + [0.1] * 3))
+SIZES = st.lists(st.integers(10, 25), min_size=1, max_size=4)
 
 
-def table(pairs, *, misfit=np.inf, chi_square=np.inf, kinds="odometry", may_be_false=False):
-    """Edges between these pairs; other columns are one value, or one an edge."""
-    n = len(pairs)
-    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
-    matrices = np.stack([KINDS[kind] for kind in np.broadcast_to(kinds, n)]) if n else np.zeros((0, 6, 6))
-    columns = (np.broadcast_to(np.asarray(value), n) for value in (may_be_false, misfit, chi_square))
-    doubtful, misfits, chi_squares = columns
-    return EdgeTable(first, second, np.tile(np.eye(4), (n, 1, 1)), matrices, doubtful, misfits, chi_squares)
+class Numbered:
+    """Robots whose poses are numbered in blocks, in turns, or as they come; odometry, and loops between them."""
+
+    def __init__(self, seed, sizes, numbering="blocks", n_loops=6):
+        rng = np.random.default_rng(seed)
+        self.size = sum(sizes)
+        if numbering == "blocks":
+            places = np.split(np.arange(self.size), np.cumsum(sizes)[:-1])
+        else:
+            owners = rng.permutation(np.repeat(np.arange(len(sizes)), sizes))
+            places = [np.flatnonzero(owners == robot) for robot in range(len(sizes))]
+        self.labels = np.zeros(self.size, np.int64)
+        self.poses = np.tile(np.eye(4), (self.size, 1, 1))
+        steps = []
+        for robot, place in enumerate(places):
+            self.labels[place] = robot
+            T = se3.from_yaw(rng.uniform(-3, 3), rng.normal(0, 10, 3))
+            for number, step in zip(
+                place, se3.exp(rng.normal(size=(len(place), 6)) * 0.2 + [0, 0, 0, 1, 0, 0]), strict=True
+            ):
+                self.poses[number] = T
+                T = T @ step
+            steps += list(zip(place[:-1].tolist(), place[1:].tolist(), strict=True))
+        loops = [tuple(pair) for pair in rng.integers(0, self.size, (n_loops, 2)).tolist() if pair[0] != pair[1]]
+        ends = {int(place[end]) for place in places for end in (0, -1)}
+        loops = [loop for loop in loops if abs(loop[0] - loop[1]) > 1 and not ends & set(loop)]
+        loops = [loop for loop in loops if loop not in steps and loop[::-1] not in steps]
+        ends = np.array(steps + loops)
+        T = se3.between(self.poses[ends[:, 0]], self.poses[ends[:, 1]])
+        T[len(steps) :] = T[len(steps) :] @ se3.exp(rng.normal(size=(len(loops), 6)) * 0.05)
+        self.ends, self.T = ends, T
+        self.covariance = np.stack([STEP] * len(steps) + [LOOP] * len(loops))
+        self.may_be_false = np.zeros(len(ends), bool)
+
+    def table(self, *, guesses=True, matrices=True):
+        covariance = self.covariance if matrices else np.tile(STEP, (len(self.ends), 1, 1))
+        return edge_table(
+            self.ends,
+            self.T,
+            covariance,
+            self.may_be_false,
+            self.poses if guesses else np.full_like(self.poses, np.nan),
+        )
 
 
-def chain(start, stop, step=1):
-    return [(k, k + step) for k in range(start, stop - step, step)]
+def same(found, expected):
+    """Whether two labellings part the poses alike."""
+    return np.array_equal(found[:, None] == found, expected[:, None] == expected)
 
 
-def groups(labels):
-    return [np.flatnonzero(labels == label).tolist() for label in dict.fromkeys(labels.tolist())]
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10**6), sizes=SIZES, numbering=st.sampled_from(["blocks", "turns"]))
+def test_guesses_tell_robots_and_so_do_matrices(seed, sizes, numbering):
+    team = Numbered(seed, sizes, numbering)
+    assert same(by_own_edges(team.size, team.table(matrices=False)), team.labels)
+    assert same(by_own_edges(team.size, team.table(guesses=False)), team.labels)
 
 
-def test_names_are_one_robot_where_edges_join_their_poses():
-    assert groups(connected(5, table([(0, 2), (3, 4)]))) == [[0, 2], [1], [3, 4]]
+@pytest.mark.parametrize("numbering", ["blocks", "even and odd"])
+@pytest.mark.parametrize("seed", range(5))
+def test_rising_numbers_tell_robots_where_nothing_else_does(seed, numbering):
+    """Closures within a robot and between both, far fewer than steps."""
+    team = Numbered(seed, [30, 30], n_loops=0)
+    rng = np.random.default_rng(seed)
+    loops = np.stack([rng.integers(2, 10, 3), rng.integers(15, 55, 3)], axis=1)
+    ends = np.concatenate([team.ends, loops])
+    labels = team.labels
+    if numbering != "blocks":
+        number = np.concatenate([np.arange(0, 60, 2), np.arange(1, 60, 2)])
+        ends, labels = number[ends], np.arange(60) % 2
+    T = np.tile(np.eye(4), (len(ends), 1, 1))
+    unknown = np.full((60, 4, 4), np.nan)
+    table = edge_table(ends, T, np.tile(STEP, (len(ends), 1, 1)), np.zeros(len(ends), bool), unknown)
+    assert same(by_own_edges(60, table), labels)
 
 
-def test_guesses_tell_odometry_from_the_loop_between_last_and_first_pose():
-    pairs = [*chain(0, 12), *chain(12, 24), (11, 12), (3, 20)]
-    misfit = [0.0] * 22 + [1e5, 1e5]
-    labels = by_own_edges(24, table(pairs, misfit=misfit, chi_square=[0.0] * 22 + [900.0, 900.0]))
-    assert groups(labels) == [list(range(12)), list(range(12, 24))]
+@pytest.mark.parametrize("matrices", [True, False])
+def test_one_robot_with_loops_stays_one(matrices):
+    team = Numbered(3, [30], n_loops=12)
+    for guesses in (True, False):
+        assert (by_own_edges(30, team.table(guesses=guesses, matrices=matrices)) == 0).all()
 
 
-def test_guesses_that_agree_with_loops_too_tell_nothing():
-    pairs = [*chain(0, 24), (3, 20), (5, 9)]
-    assert groups(by_own_edges(24, table(pairs, misfit=0.0, chi_square=0.0))) == [list(range(24))]
+def test_a_single_pose_that_one_robot_sees_belongs_to_it():
+    team = Numbered(4, [12, 12], n_loops=0)
+    ends = np.concatenate([team.ends, [[5, 24]]])
+    poses = np.concatenate([team.poses, [team.poses[5] @ se3.from_yaw(0.1, np.array([0.0, 3.0, 0.0]))]])
+    off = se3.between(poses[5], poses[24]) @ se3.exp(np.full(6, 0.03))
+    covariance = np.concatenate([team.covariance, [LOOP]])
+    table = edge_table(ends, np.concatenate([team.T, [off]]), covariance, np.zeros(len(ends), bool), poses)
+    assert same(by_own_edges(25, table), np.append(team.labels, 0))
 
 
-def test_matrices_tell_odometry_from_loops():
-    pairs = [*chain(0, 12), *chain(12, 24), (11, 12), (3, 20)]
-    labels = by_own_edges(24, table(pairs, kinds=["odometry"] * 22 + ["loop"] * 2))
-    assert groups(labels) == [list(range(12)), list(range(12, 24))]
-
-
-@pytest.mark.parametrize("robots", [2, 3])
-def test_interleaved_numbers_are_chains(robots):
-    pairs = [pair for r in range(robots) for pair in chain(r, 15 * robots, robots)] + [(3, 4), (10, 17), (20, 21)]
-    labels = by_own_edges(15 * robots, table(pairs))
-    assert groups(labels) == [list(range(r, 15 * robots, robots)) for r in range(robots)]
-
-
-def test_numbers_that_follow_no_robot_are_one():
-    """A lattice of 4 x 4 x 4."""
-    places = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    near = np.abs(places[:, None] - places[None]).sum(axis=2) == 1
-    assert groups(by_own_edges(64, table(np.argwhere(np.triu(near))))) == [list(range(64))]
-
-
-def test_a_step_that_the_guesses_contradict_is_none():
-    pairs = [*chain(0, 30), (0, 9), (20, 29)]
-    chi_square = [9000.0 if pair == (14, 15) else 3.0 for pair in pairs]
-    assert groups(by_own_edges(30, table(pairs, chi_square=chi_square))) == [list(range(15)), list(range(15, 30))]
-
-
-def test_a_single_pose_is_part_of_the_robot_that_sees_it():
-    pairs = [*chain(0, 20), (5, 20), (9, 20)]
-    misfit = [0.0] * 19 + [1e5, 1e5]
-    assert groups(by_own_edges(21, table(pairs, misfit=misfit, chi_square=np.square(misfit)))) == [list(range(21))]
-
-
-def test_no_edges_make_as_many_robots_as_poses():
-    assert len(groups(by_own_edges(3, table([])))) == 3
+def test_named_poses_are_one_robot_where_any_edges_join_them():
+    team = Numbered(5, [4, 4], n_loops=0)
+    assert same(connected(8, team.table()), team.labels)
+    team.ends = np.concatenate([team.ends[:-1], [[0, 7]]])
+    assert connected(8, team.table()).tolist() == [0, 0, 0, 0, 1, 1, 1, 0]

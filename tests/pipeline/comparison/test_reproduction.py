@@ -12,7 +12,7 @@ from wiclosure.errors import ConfigError
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
-from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, report, tables, verdicts
+from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, reproduction_report, tables, verdicts
 
 
 def metrics(ate_m: float | None, total_s: float) -> dict:
@@ -58,10 +58,10 @@ def test_every_row_of_the_paper_stands_beside_ours(name: str, lost_alone: float 
         assert by_label["ATE (m)"] == ["17" if lost_alone else "not connected", "0.5", "0.5"]
         assert set(by_label["Missed true LC (%)"]) == {"12.5"}
         assert by_label["Total Computation Time (s)"][0] == "41.0 [40.0, 42.0]"
-    text = report(experiment, compared)
+    text = reproduction_report(experiment, compared)
     assert all(sentence in text for sentence in experiment.contradictions)
     assert "first 40 scans" not in text
-    assert "first 40 scans" in report(experiment, compared, 40)
+    assert "first 40 scans" in reproduction_report(experiment, compared, 40)
     assert f"{experiment.presets[0]} with none fails in 3 of 3 worlds; false closures are accepted in 3" in text
     assert f"{experiment.presets[0]} with wiclosure does not fail (0 of 3 worlds)" in text
 

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import gzip
+import lzma
+from pathlib import Path
+
+import pytest
+
+from wiclosure.backends.graph_files.open import read_bytes, read_text, stem
+from wiclosure.errors import InputError
+
+TEXT = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
+
+
+@pytest.mark.parametrize(("name", "pack"), [("a.g2o", bytes), ("a.g2o.gz", gzip.compress), ("a.g2o.XZ", lzma.compress)])
+def test_packed_and_plain_files_hold_the_same_text(tmp_path: Path, name: str, pack) -> None:
+    (tmp_path / name).write_bytes(pack(b"\xef\xbb\xbf" + TEXT.encode()))
+    assert read_text(tmp_path / name) == TEXT  # without the mark that some editors put first
+
+
+def test_bytes_that_are_no_text_stand_for_no_number(tmp_path: Path) -> None:
+    (tmp_path / "a.g2o").write_bytes(b"1\xff2")
+    assert read_text(tmp_path / "a.g2o") == "1\ufffd2"
+    assert read_bytes(tmp_path / "a.g2o") == b"1\xff2"
+
+
+@pytest.mark.parametrize(("suffix", "pack"), [(".gz", gzip.compress), (".xz", lzma.compress)])
+@pytest.mark.parametrize("damage", ["cut", "other"])
+def test_damaged_packing_is_one_clear_line(tmp_path: Path, suffix: str, pack, damage: str) -> None:
+    path = tmp_path / f"a.g2o{suffix}"
+    packed = pack(TEXT.encode() * 100)
+    path.write_bytes(packed[: len(packed) // 2] if damage == "cut" else TEXT.encode())
+    with pytest.raises(
+        InputError, match=rf"^cannot unpack the graph .*a\.g2o\{suffix}: .*; the file is cut or damaged$"
+    ):
+        read_bytes(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot read the graph .*none\.g2o: No such file"):
+        read_bytes(tmp_path / "none.g2o")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("sphere.g2o.xz", "sphere"),
+        ("team.jrl.cbor", "team"),
+        ("run.2024.graph", "run.2024"),
+        ("plain", "plain"),
+        (".g2o", ".g2o"),
+    ],
+)
+def test_the_stem_is_the_name_without_the_format(name: str, expected: str) -> None:
+    assert stem(Path("folder") / name) == expected
