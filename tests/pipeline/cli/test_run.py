@@ -267,11 +267,26 @@ def test_unusable_scans_are_counted_in_the_diagnosis(wiclosure: Call) -> None:
     assert any("1 of 6 scans" in sentence for sentence in json.loads(out)["diagnosis"])
 
 
-def test_ground_truth_of_another_time(wiclosure: Call) -> None:
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("900.0 0 0 0 0 0 0 1\n901.0 0 0 0 0 0 0 1\n", "overlap"),
+        ("1.70000e+09 0 0 0 0 0 0 1\n1.70000e+09 1 0 0 0 0 0 1\n", "nine decimals"),
+        ("not a number in sight\n", "expected 8 numbers"),
+        (None, "does not exist"),
+    ],
+)
+def test_ground_truth_that_cannot_be_used_stops_nothing(wiclosure: Call, content: str | None, says: str) -> None:
     write_kitti_folder("alpha", SCANS)
-    Path("gt.tum").write_text("900.0 0 0 0 0 0 0 1\n901.0 0 0 0 0 0 0 1\n")
+    if content is not None:
+        Path("gt.tum").write_text(content)
     Path("dataset.yaml").write_text("robots:\n  alpha: {scans: alpha, ground_truth: gt.tum}\n")
-    refused(wiclosure("run", "dataset.yaml", "--out", "run"), "gt.tum", "overlap")
+    code, out, _ = wiclosure("run", "dataset.yaml", "--out", "run", "--json")
+    assert code == 0
+    (sentence,) = [s for s in json.loads(out)["diagnosis"] if "ground truth is left out" in s]
+    assert "gt.tum" in sentence
+    assert says in sentence
+    assert not Path("run/alpha_ground_truth.tum").exists()
 
 
 def test_robots_of_one_name_in_a_file(wiclosure: Call) -> None:

@@ -5,6 +5,7 @@ import { matrices } from "./matrix.js";
 import { radio } from "./radio.js";
 import { report } from "./report.js";
 import { scene3d } from "./scene.js";
+import { team } from "./team.js";
 
 function section(id, title, ...children) {
   const content = children.flat(2).filter(Boolean);
@@ -21,7 +22,7 @@ function verdict(of) {
   return el("div", { class: `verdict ${of.tone}` },
     el("p", { class: "sentence" }, of.sentence),
     of.next?.length ? [el("p", { class: "next" }, "What to do next"), list(of.next)] : null,
-    of.notes?.length ? el("details", { open: !of.next?.length }, el("summary", {}, "What the run says of itself"), list(of.notes)) : null);
+    of.notes?.length ? el("details", { open: !of.next?.length }, el("summary", {}, "Notes"), list(of.notes)) : null);
 }
 
 const tables = (of) => (of ?? []).map((t) => [table(t.caption, t.header, t.rows, { wide: t.header.join(" ").length > 55 }), t.note ? el("p", { class: "note" }, t.note) : null]);
@@ -52,7 +53,8 @@ async function showRun(run) {
     report.runs.length > 1 ? verdict(run.verdict) : null,
     report.runs.length > 1 && run.numbers?.length ? cards(run.numbers) : null,
     section("map", run.map ? "Merged map" : "Paths", scene.node, run.map_note ? el("p", { class: "note" }, run.map_note) : null),
-    section("funnel", "What became of the candidates", run.funnel?.length ? funnel(run, closures?.chooseReason) : null),
+    section("funnel", report.kind === "optimisation" ? "What became of the closures" : "What became of the candidates", run.funnel?.length ? funnel(run, closures?.chooseReason) : null),
+    section("team", "Who is joined to whom", team(run)),
     section("closures", "Closures", closures?.node, dialog?.dialog),
     section("candidates", "Candidate pairs", await matrices(run)),
     section("radio", "What the radio said", await radio(run)),
@@ -83,18 +85,18 @@ function colours() {
 
 async function start() {
   document.querySelector("header").append(colours());
-  const { runs } = report, last = runs.length - 1;
+  const { runs } = report, first = report.look_at ?? 0;
   const of = report.verdict ?? runs[0].verdict, numbers = report.numbers ?? (runs.length === 1 ? runs[0].numbers : []);
   document.querySelector("main").replaceChildren(...[
     verdict(of),
     numbers?.length ? cards(numbers) : null,
     section("comparison", "All arms", tables(report.tables)),
     runs.length > 1
-      ? el("div", { class: "arms" }, toggles("Look at the arm", runs.map((run, k) => ({ label: run.name, value: String(k), checked: k === last, change: () => showRun(run) })), { type: "radio", group: "arm" }))
+      ? el("div", { class: "arms" }, toggles("Look at the arm", runs.map((run, k) => ({ label: run.name, value: String(k), checked: k === first, change: () => showRun(run) })), { type: "radio", group: "arm" }))
       : null,
     el("div", { id: "run" }),
   ].filter(Boolean));
-  await showRun(runs[last]);
+  await showRun(runs[first]);
   document.documentElement.dataset.ready = "true";
 }
 
