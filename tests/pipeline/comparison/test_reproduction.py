@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline import cli
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, reproduction_report, tables, verdicts
@@ -85,18 +82,3 @@ def test_bad_words(words: tuple[str, Path | None], parts: list[str]) -> None:
         plan_of(words[0], poses=words[1])
     for part in parts:
         assert part in str(error.value)
-
-
-@pytest.mark.slow
-def test_shell_space_through_the_command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["reproduce", "shell-space", "-n", "40", "--out", str(tmp_path / "out"), "--no-cache"]
-    monkeypatch.setattr(sys, "argv", ["wiclosure", *words])
-    with pytest.raises(SystemExit) as stopped:
-        cli.main()
-    assert not stopped.value.code
-    assert "Table II" in capsys.readouterr().out
-    assert "| Total Wi-Closure time (s) | N/A | 0.5 |" in (tmp_path / "out" / "reproduce.md").read_text()
-    runs = json.loads((tmp_path / "out" / "comparison.json").read_text())["runs"]
-    assert [(run["preset"], run["filter"]) for run in runs] == [(p, f) for p in ("disco-park", "strong") for f in ARMS]
