@@ -25,6 +25,7 @@ from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
@@ -132,16 +133,18 @@ class WiClosureFilter:
         alignments: Mapping[RobotPair, FrameAlignment],
     ) -> tuple[dict[RobotPair, Links], dict[RobotPair, FrameAlignment]]:
         """Names the likeliest systematic error where measurements do not fit; corrects it if that is accepted."""
-        links, alignments = dict(links), dict(alignments)
-        for pair, alignment in alignments.items():
-            if not alignment.suspected_fault:
+        settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
+        for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
+            alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
+        mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
+        for pair, alignment in list(alignments.items()):
+            if mixed_up is None and not alignment.suspected_fault:
                 continue
-            fault = likeliest_fault(alignment, trajectories, wireless, self.settings.alignment)
+            fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
             alignments[pair] = with_fault(alignment, fault)
             if fault is not None and fault.of_log and self.settings.accept_correction:
-                both = {robot: trajectories[robot] for robot in pair}
-                links[pair] = self.gather(*fault.apply((both, wireless))).by_pair[pair]
-                corrected = align(links[pair], both, self.settings.alignment)
+                links[pair] = self.gather(*fault.apply((trajectories, wireless))).by_pair[pair]
+                corrected = align(links[pair], trajectories, settings)
                 alignments[pair] = replace(corrected, corrections=(fault.fault,))
         return links, alignments
 

@@ -12,6 +12,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
+    AcceptCorrection,
     ConfigName,
     Configuration,
     Data,
@@ -24,6 +25,7 @@ from wiclosure.pipeline.cli.options import (
     Set,
     Working,
     grouped,
+    with_accepted_correction,
 )
 
 
@@ -107,6 +109,7 @@ def filter_command(
     filter_name: FilterName = None,
     config: ConfigName = None,
     set_: Set = None,
+    accept_correction: AcceptCorrection = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -124,7 +127,8 @@ def filter_command(
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    settings = resolve(config, set_, use_filter=filter_name)
+    single = with_accepted_correction(set_, accept=accept_correction)
+    settings = resolve(config, single, use_filter=filter_name)
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
         result = filtering.filter_candidates(trajectory, wireless, config=settings, outputs=outputs)

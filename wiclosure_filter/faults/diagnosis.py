@@ -20,7 +20,7 @@ from wiclosure.wiclosure_filter.faults.corrections import Correction, Inputs, az
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
-_LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
+LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
 _PROPOSALS, _MEASUREMENTS = 1000, 40  # a correction that is right needs no long search
 _WIDTH_RAD, _WIDTH_M = 0.1, 0.5  # of peaks among residuals
 _LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
@@ -39,7 +39,7 @@ def likeliest_fault(
     """
     a, b = alignment.robot_a, alignment.robot_b
     inputs = {name: trajectories[name] for name in (a, b)}, _between(a, b, log)
-    quick = settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS})
+    quick = quick_settings(settings)
     claimed = _aligned(inputs, quick)
     if claimed.best is None:
         return None
@@ -47,7 +47,12 @@ def likeliest_fault(
     tried += _constant_errors(claimed.best.T_a_b, inputs, quick)
     gains = np.array([_gain(claimed, correction, inputs, quick) for correction in tried])
     best = int(np.argmax(gains))
-    return tried[best] if gains[best] > _LIKELIER else None
+    return tried[best] if gains[best] > LIKELIER else None
+
+
+def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
+    """Of the alignments that are only compared."""
+    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS})
 
 
 def with_fault(alignment: FrameAlignment, correction: Correction | None) -> FrameAlignment:
@@ -81,7 +86,8 @@ def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, setti
     corrected = _aligned(correction.apply(inputs), settings)
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
-    return corrected.best.log_likelihood - claimed.best.log_likelihood
+    ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
+    return corrected.best.log_likelihood + ranges * correction.log_scale - claimed.best.log_likelihood
 
 
 def _constant_errors(T_a_b: FloatArray, inputs: Inputs, settings: AlignmentSettings) -> list[Correction]:
