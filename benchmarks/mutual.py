@@ -31,7 +31,7 @@ from wiclosure.types import AoaFrame, AoaPath, Heading, Scan, Trajectory, Wirele
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 FEET = 3.28084
 LIMIT, SLACK_M = 1.05, 0.05
-NAMED = ("the radio is the likely fault", "radio measurements are wrong", "the log claims")
+NAMED = ("the likely fault", "the radio may be at fault", "--accept-correction")
 
 
 # Faults of a log ---------------------------------------------------------------------------------------------------

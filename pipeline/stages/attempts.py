@@ -11,12 +11,12 @@ from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.check import Judged, PairOutcome, judge
+from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.mutual_check import Judged, PairOutcome, judge
 from wiclosure.pipeline.stages.radio_check import radio_checked
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.pipeline.stages.second_round import unpredicted
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
 
 

@@ -43,7 +43,7 @@ class SystematicErrors:
     @classmethod
     def of(cls, observations: Observations, odometry: PairOdometry, priors: CalibrationPriors) -> SystematicErrors:
         """Of measurements in order of time."""
-        velocity, yaw_rate = _motion(odometry.b, observations.index_b)
+        velocity, yaw_rate = motion(odometry.b, observations.index_b)
         sigma = [priors.range_bias_m, priors.range_scale, priors.clock_s, priors.mounting_rad, priors.mounting_rad]
         return cls(observations, velocity, yaw_rate, np.array([*sigma, priors.scale, priors.scale]))
 
@@ -135,7 +135,7 @@ class EstimatedErrors:
         )
 
 
-def _motion(trajectory: Trajectory, index: IntArray) -> tuple[FloatArray, FloatArray]:
+def motion(trajectory: Trajectory, index: IntArray) -> tuple[FloatArray, FloatArray]:
     """Velocity `(M, 3)` and yaw rate `(M,)` at keyframes, from those before and after."""
     last = len(trajectory) - 1
     before, after = np.maximum(index - 1, 0), np.minimum(index + 1, last)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, capped_covariance
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
+from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Mixture
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.refinement import Prior, climb
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -131,7 +131,8 @@ class RadioConsistencyCheck:
     def _noise_m(self) -> FloatArray:
         """`(M,)` m, how exact each measurement is: its range, or its most exact path across the distance."""
         observations = self.problem.observations
-        across = np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1) * observations.distance_m
+        across = np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1)
+        across = across * np.maximum(observations.distance_m, MIN_DISTANCE_M)
         along = np.where(np.isfinite(observations.range_m), observations.range_sigma_m, np.inf)
         return np.asarray(np.minimum(along, across))
 

@@ -19,6 +19,7 @@ from wiclosure.wiclosure_filter.alignment.mixture import Explanation
 from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, seen_by_receiver
 
 _SLIP_ODDS = 0.01  # of a slip, a lifted robot or a restarted odometry while two robots hear each other
+_REFLECTION_ODDS = 0.05  # of a wall that shows a virtual transmitter throughout
 _EXPLAINED = 0.05  # likelihood of a path, relative to "none is direct", from which an alignment may explain it
 _SHARES = np.array([0.1, 0.25, 0.5, 0.9])  # of measurements in which a reflection is seen
 
@@ -99,21 +100,27 @@ def _reflection(
 ) -> SecondAlignment:
     """The peak that is best supported by paths and ranges that the first does not explain."""
     observations = found.mixture.observations
-    # What each path says for an alignment, relative to "none is direct"; without those that the first may explain.
+    # Density of the paths if one of them is the second's, relative to chance; without those the first may explain.
+    absent = found.mixture.radio.direct_path_absent
     none_direct = np.maximum(1 - explanation.path.sum(axis=-1, keepdims=True), 1e-12)
     likelihood = explanation.path / none_direct
     left = np.where(likelihood[0] > _EXPLAINED, 0.0, likelihood[1:]).sum(axis=-1)
-    bearing = np.log1p(left)
+    density = np.where(observations.has_bearing, left * max(absent, 1e-12) / (1 - absent), 1.0)
     ranged = np.isfinite(observations.range_m)
     agrees = np.where(ranged, explanation.in_sight + explanation.obstructed, 0.0)
-    range_gain = -np.log(np.maximum(1 - agrees[1:] * (1 - agrees[0]), 1e-6))
+    density = density / np.maximum(1 - agrees[1:] * (1 - agrees[0]), 1e-6)
     # A path whose length is none that was measured is a reflection, and no transmitter.
-    support = np.where(ranged & (agrees[1:] < 0.5), 0.0, bearing + range_gain)
-    of_share = np.log((1 - _SHARES[:, None, None]) + _SHARES[:, None, None] * np.exp(np.minimum(support, 50.0)))
-    gain = (of_share @ observations.independence).max(axis=0) + log_volume
+    density = np.where(ranged & (agrees[1:] < 0.5), 0.0, density)
+    of_share = np.log(1 - _SHARES[:, None, None] + _SHARES[:, None, None] * density)
+    # Where it explains the same ranges as the first, only its direction was searched for.
+    hits = np.maximum((observations.independence * (density > 1)).sum(axis=-1), 1.0)
+    spread = float(np.median(observations.sigma[observations.weight > 0])) if observations.has_bearing.any() else np.pi
+    same_ranges = ranged.any() and (agrees[1:] > 0.5)[:, ranged].mean(axis=-1) > 0.8
+    volume = np.where(same_ranges, np.log(np.minimum(spread / np.sqrt(2 * np.pi * hits), 1.0)), log_volume)
+    gain = (of_share @ observations.independence).max(axis=0) - np.log(len(_SHARES)) + volume + np.log(_REFLECTION_ODDS)
     which = int(np.argmax(gain))
     row = int(rows[which])
-    agreeing = int((support[which] > np.log(2)).sum())
+    agreeing = int((density[which] > 1).sum())
     sentence = (
         f"{agreeing} of {len(observations)} measurements also hold a path that agrees with another alignment:"
         " one of the two is a reflection"

@@ -32,12 +32,14 @@ class Correction:
     Args:
         fault: the error, as a sentence without its end.
         apply: corrected trajectories and log.
+        log_scale: natural logarithm of the factor on every range: densities over ranges are compared in one unit.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
     """
 
     fault: str
     apply: Callable[[Inputs], Inputs]
     of_log: bool = True
+    log_scale: float = 0.0
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
@@ -172,7 +174,7 @@ def _ranges_in(unit: str, metres: float) -> Correction:
     def converted(m: _Measurement) -> _Measurement:
         return m if m.range_m is None else replace(m, range_m=metres * m.range_m)
 
-    return _each(f"ranges seem to be in {unit}, not in metres", converted)
+    return replace(_each(f"ranges seem to be in {unit}, not in metres", converted), log_scale=float(np.log(metres)))
 
 
 def _azimuths(fault: str, sign: float, offset_rad: float) -> Correction:

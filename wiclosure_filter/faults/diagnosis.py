@@ -86,7 +86,8 @@ def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, setti
     corrected = _aligned(correction.apply(inputs), settings)
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
-    return corrected.best.log_likelihood - claimed.best.log_likelihood
+    ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
+    return corrected.best.log_likelihood + ranges * correction.log_scale - claimed.best.log_likelihood
 
 
 def _constant_errors(T_a_b: FloatArray, inputs: Inputs, settings: AlignmentSettings) -> list[Correction]:

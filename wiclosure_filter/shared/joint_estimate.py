@@ -22,6 +22,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
+from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
@@ -157,6 +158,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
+    error_sigma: Mapping[tuple[str, str], FloatArray] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -166,6 +168,7 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
+        error_sigma: `(7,)` of the systematic errors of each pair's links, see `alignment.calibration`.
     """
     nodes, first, linked = team.nodes, team.first, team.linked
     initial = gtsam.Values()
@@ -191,6 +194,10 @@ def estimate(
         values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
+    for (a, b), sigma in (error_sigma or {}).items():
+        keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
+        trajectory = nodes[b].trajectory
+        covariance = covariance.widened(pulls(team.links[a, b], sigma, keys, trajectory, values, robust_threshold))
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
     return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
 

@@ -13,8 +13,8 @@ from wiclosure import se3
 from wiclosure.formats.tum import read_tum
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.stages.evidence_odds import Verdict
-from wiclosure.pipeline.stages.mutual_check import Judged, PairOutcome, judge, places
+from wiclosure.pipeline.mutual_check.check import Judged, PairOutcome, judge, places
+from wiclosure.pipeline.mutual_check.odds import Verdict
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.pipeline.stages.radio_readings import Reading, readings
+from wiclosure.pipeline.mutual_check.readings import Reading, readings
 from wiclosure.types import AoaPath, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.faults.corrections import azimuths_off, clocks_apart, ranges_off
 

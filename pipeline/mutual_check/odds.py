@@ -7,8 +7,8 @@ Three kinds of stories are weighed, each with all that it has to explain:
   systematic errors, or an unknown one, which leaves noise or happens to fit another alignment;
 - *neither*: the log has a known error, and with that undone tells an alignment that contradicts the closures, too.
 
-An alignment that the closures imply costs the log nothing; one that the log chooses for itself has four free
-parameters, which cost `2 log M` (Schwarz, "Estimating the dimension of a model", 1978).
+An alignment that the closures imply costs the log nothing; one that the log chooses for itself is one of many as exact
+(MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28: the Occam factor).
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.stages.radio_evidence import Explained
+from wiclosure.pipeline.mutual_check.radio_evidence import Explained
 
-_FREE_PARAMETERS = 4  # of an alignment: yaw and position
 _MOST_PLACES = 3  # that count as separate: regular surroundings repeat themselves
 _FAILS_IF_RIGHT = 0.3  # registrations near the predicted pose of keyframes that are truly so near
-_COMPATIBLE = float(np.log(100.0))  # an alignment that the log itself thinks no worse than this
+_TELLING = float(np.log(100.0))  # evidence beyond that of a log that says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +72,14 @@ class Weighed:
     cause: str
 
 
-def agrees_with_radio(claimed: Explained, measurements: int) -> bool:
-    """Whether the log, as it claims to be, speaks for the alignment of closures more than chance would."""
-    chosen = _FREE_PARAMETERS / 2 * np.log(max(measurements, 1))
-    return bool(claimed.implied > chosen and claimed.free - claimed.implied < _COMPATIBLE)
+def agrees_with_radio(claimed: Explained) -> bool:
+    """Whether the log, as it claims to be, speaks for the alignment of closures, and for no other."""
+    return claimed.implied > _TELLING and not claimed.contradicts
 
 
 def weigh(
     claimed: Explained,
     errors: Sequence[Explained],
-    measurements: int,
     closures: Agreement,
     predicted: Agreement,
     refuted_places: float,
@@ -93,21 +90,18 @@ def weigh(
     Args:
         claimed: the log as it claims to be.
         errors: the log with each known systematic error undone.
-        measurements: of the log.
         closures: those that agree with each other and contradict the radio.
         predicted: those that agree with the radio.
         refuted_places: separate places where the radio predicts two keyframes close together, of which registration
             found none to be.
         settings: probabilities of errors, and when odds are decisive.
     """
-    chosen = _FREE_PARAMETERS / 2 * np.log(max(measurements, 1))
     known, unknown = settings.systematic_error, settings.unknown_error
     as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
     other_look_alike = predicted.log_look_alike
     radio = (
         as_claimed
-        + claimed.free
-        - chosen
+        + claimed.log_evidence
         + closures.log_look_alike
         + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
     )
@@ -115,13 +109,11 @@ def weigh(
         "": as_claimed + claimed.implied + other_look_alike,
         **{e.fault: each + e.implied + other_look_alike for e in errors},
         "an error of the radio that is none of the known ones": np.log(unknown)
-        + max(claimed.free - chosen, 0.0)
+        + max(claimed.log_evidence, 0.0)
         + other_look_alike,
     }
     neither = {
-        e.fault: each + e.free - chosen + closures.log_look_alike + other_look_alike
-        for e in errors
-        if np.isfinite(e.free) and e.free - e.implied > _COMPATIBLE
+        e.fault: each + e.log_evidence + closures.log_look_alike + other_look_alike for e in errors if e.contradicts
     }
     sums = {
         Verdict.RADIO: radio,

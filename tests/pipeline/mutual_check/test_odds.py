@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.stages.evidence_odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
-from wiclosure.pipeline.stages.radio_evidence import Explained
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
+from wiclosure.pipeline.mutual_check.radio_evidence import Explained
 
+CHOSEN = 12.0  # yaw within 0.1 rad and a place within a metre, of a circle of 100 m
 NONE = Agreement(0, 0, 0.0)
 SOLID = Agreement(12, 0, 3.0)
 LOOK_ALIKE = Agreement(6, 14, 1.0)
 
 
 def claimed(implied: float, free: float) -> Explained:
-    return Explained("", implied, free)
+    return Explained("", implied, free, CHOSEN)
 
 
 def weighed(
@@ -25,8 +26,8 @@ def weighed(
     predicted: Agreement = NONE,
     refuted: float = 0.0,
 ) -> Weighed:
-    read = [Explained(f"error {number}", *found) for number, found in enumerate(errors)]
-    return weigh(as_claimed, read, 40, closures, predicted, refuted, MutualCheckSettings())
+    read = [Explained(f"error {number}", *found, CHOSEN) for number, found in enumerate(errors)]
+    return weigh(as_claimed, read, closures, predicted, refuted, MutualCheckSettings())
 
 
 def test_radio_that_fits_wins_over_closures_of_a_place_that_looks_like_another() -> None:
@@ -65,7 +66,7 @@ def test_neither_is_believed_where_the_log_put_right_contradicts_the_closures() 
 
 
 def test_two_weak_sides_are_left_undecided() -> None:
-    found = weighed(claimed(-1.0, 8.0), (0.0, 7.0), closures=Agreement(3, 2, 1.0))
+    found = weighed(claimed(-9.0, 8.0), (-8.0, 7.0), closures=Agreement(3, 2, 1.0))
     assert found.verdict is Verdict.UNDECIDED
     assert found.log_odds < np.log(MutualCheckSettings().decisive_odds)
     assert found.cause
@@ -87,4 +88,4 @@ def test_more_places_make_closures_likelier_up_to_three() -> None:
 def test_agreement_with_a_log_is_more_than_chance_and_no_less_than_its_own(
     implied: float, free: float, agrees: bool
 ) -> None:
-    assert agrees_with_radio(claimed(implied, free), 40) is agrees
+    assert agrees_with_radio(claimed(implied, free)) is agrees

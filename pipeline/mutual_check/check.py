@@ -17,8 +17,8 @@ from wiclosure import se3
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.stages.evidence_odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
-from wiclosure.pipeline.stages.radio_evidence import PairRadio, central
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
 from wiclosure.types import (
     CandidatePairs,
     Closure,
@@ -114,11 +114,11 @@ def judge(
         return Judged(outcome.pair, None, tuple(c for c in found.blind if c.live))
     middle = [central(found.agreeing, both)]
     claimed = radio.claimed(middle)
-    agrees = found.gap is None and agrees_with_radio(claimed, radio.measurements)
+    agrees = found.gap is None and agrees_with_radio(claimed)
     errors = radio.errors(middle, search=not agrees)
     closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
     predicted, refuted = _for_and_against(outcome, config.registration)
-    weighed = weigh(claimed, errors, radio.measurements, closures, predicted, refuted, config.mutual_check)
+    weighed = weigh(claimed, errors, closures, predicted, refuted, config.mutual_check)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
     believed = outcome.live if weighed.verdict is Verdict.RADIO else ()
