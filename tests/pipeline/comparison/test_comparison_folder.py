@@ -6,6 +6,7 @@ import pytest
 
 from wiclosure.pipeline.comparison.comparison_folder import write_comparison
 from wiclosure.pipeline.comparison.outcomes import Comparison
+from wiclosure.pipeline.comparison.page import write_comparison_page
 from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
 
@@ -21,6 +22,7 @@ def test_tables_pictures_and_page_of_all_arms(
         counts = {"pairs_kept": 5, "closures": {"proposed": 9, **outcome.metrics["closures"]}}
         write_page(folder / PAGE, {"title": "", "runs": [run], "metrics": outcome.metrics | counts})
     write_comparison(tmp_path, repeated)
+    write_comparison_page(tmp_path, repeated)
     assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
         "comparison.csv", "comparison.json", "comparison.md", "ate.png", "funnel.png", "report.html"
     }  # fmt: skip

@@ -202,11 +202,13 @@ def test_matrix_and_links_also_as_tables(opened: Open, run_page: Path) -> None:
     page.get_by_label("metres travelled").check()
     assert page.locator("canvas.matrix").screenshot() != before
     page.get_by_text("The same as a table").click()
+    page.locator("#candidates tbody tr").first.wait_for()  # built when it is opened
     assert page.locator("#candidates tbody tr").count() == 10
     page.locator("#radio select").select_option("1")
     page.get_by_text("The alignment is not certain").wait_for()
     assert "4.0 to 1" in page.locator("#radio").inner_text()
     page.get_by_text("30 measurements as a table").click()
+    page.locator("#radio details tbody tr").first.wait_for()
     assert page.locator("#radio details tbody tr").count() == 30
     assert page.locator("#radio .u-wrap").count() == 3
 
