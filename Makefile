@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help setup test test-slow lint demo bench package clean
+.PHONY: help setup test test-slow lint demo bench browser report-bundle package clean
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -30,9 +30,15 @@ test-slow: setup ## the tests that take longer: recorded drives, packaging
 demo: setup ## simulate two robots, merge them with the wireless filter off and on
 	$(BIN)/wiclosure demo --out results/demo --overwrite
 
-BENCHMARKS := startup pointcloud2 odometry raycast simulation drift alignment filter front_end back_end
+BENCHMARKS := startup pointcloud2 odometry raycast simulation drift alignment filter front_end back_end report
 bench: setup ## every benchmark (an hour or two)
 	@for name in $(BENCHMARKS); do echo "== $$name"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+browser: ## chromium, in which the report is tested, where apt may install it
+	@command -v chromium chromium-browser google-chrome >/dev/null || scripts/need-packages chromium
+
+report-bundle: ## build what draws the report's page again (needs node)
+	cd pipeline/report/html/source && npm install --no-package-lock --no-audit --no-fund && npm run build
 
 package: setup ## wheel and sdist into dist/
 	$(BIN)/python -m build --outdir dist .

@@ -97,7 +97,7 @@ class Claims:
         """
         n = len(self)
         rng = np.random.default_rng(n)  # the same for the same closures
-        wanted = min(NULL_PAIRS, 10 * n**2)  # of few closures there are no more to recombine
+        wanted = min(NULL_PAIRS, 4 * n**2)  # of few closures there are no more to recombine
         first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]

@@ -11,7 +11,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Measured, Stage, Trajectory, measured_poses
+from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, measured_poses
 
 
 class Verdict(NamedTuple):
@@ -85,17 +85,18 @@ def closure_sets(
     """
     robots = canonical_order(trajectories)
     order = {robot: rank for rank, robot in enumerate(robots)}
+    live = [row for row, closure in enumerate(closures) if closure.measured is not None and closure.live]
+    for row in live:
+        for end in (closures[row].query, closures[row].match):
+            _check_keyframe(end, trajectories)
+    defects = _defects([closures[row] for row in live])
     rows: dict[tuple[int, int], list[int]] = {}
     unusable: dict[int, str] = {}
-    for row, closure in enumerate(closures):
-        if closure.measured is None or not closure.live:
-            continue
-        for end in (closure.query, closure.match):
-            _check_keyframe(end, trajectories)
-        if reason := _defect(closure, closure.measured):
+    for row, reason in zip(live, defects, strict=True):
+        if reason:
             unusable[row] = reason
             continue
-        a, b = sorted((order[closure.query.robot], order[closure.match.robot]))
+        a, b = sorted((order[closures[row].query.robot], order[closures[row].match.robot]))
         rows.setdefault((a, b), []).append(row)
     return [_stacked(robots[a], robots[b], rows[a, b], closures, noise) for a, b in sorted(rows)], unusable
 
@@ -132,17 +133,18 @@ def _check_keyframe(key: KeyframeId, trajectories: Mapping[str, Trajectory]) -> 
         )
 
 
-def _defect(closure: Closure, measured: Measured) -> str:
-    """Why a measurement cannot be used; empty if it can."""
-    if closure.query == closure.match:
-        return "closes a keyframe on itself"
-    if not np.isfinite(measured.T_query_match).all():
-        return "its transform is not finite"
-    if not np.isfinite(measured.covariance).all():
-        return "its covariance is not finite"
-    if np.linalg.eigvalsh(measured.covariance)[0] < 0:
-        return "its covariance is not positive"
-    return ""
+def _defects(closures: Sequence[Closure]) -> list[str]:
+    """Why each measurement cannot be used; empty if it can."""
+    T, covariance = measured_poses(closures)
+    finite = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    smallest = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))[:, 0]
+    reasons = {
+        "closes a keyframe on itself": np.array([c.query == c.match for c in closures], bool),
+        "its transform is not finite": np.asarray(~np.isfinite(T).all(axis=(1, 2))),
+        "its covariance is not finite": np.asarray(~finite),
+        "its covariance is not positive": np.asarray(smallest < 0),
+    }
+    return [next((r for r, holds in reasons.items() if holds[n]), "") for n in range(len(closures))]
 
 
 def _stacked(

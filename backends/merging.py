@@ -101,10 +101,10 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
     group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
     of_robots: list[Candidate] | None = None
     while True:
-        candidates = [
-            c for rows in pairs_of_groups(robots, group) for c in sets_between(robots, rows, group, settled, settings)
-        ]
-        settle_cycles(candidates, places_of_groups(robots, group, settled), settings.agree_limit, settings.rival_share)
+        places = places_of_groups(robots, group, settled)
+        pairs = pairs_of_groups(robots, group)
+        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, places, settings)]
+        settle_cycles(candidates, places, settings.agree_limit, settings.rival_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = [c for c in candidates if c.holds]
         if not holding:

@@ -15,7 +15,7 @@ from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
 from wiclosure.types import IntArray
 
-PLACE_PAIRS = 50  # pairs of places among which two may look alike: a seventh of both paths is not one of them
+PLACE_PAIRS = 50  # pairs of places among which two may look alike: a seventh of both groups' extents is more than one
 VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
 
 
@@ -45,7 +45,7 @@ def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Set
 
 
 def sets_between(
-    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, settings: MergeSettings
+    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, places: Places, settings: MergeSettings
 ) -> list[Candidate]:
     """Sets between two groups, with the doubts that the pair alone leaves."""
     claims, a, b = claims_between(robots, rows, group, settled)
@@ -54,7 +54,7 @@ def sets_between(
     found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
     for candidate in found:
         candidate.extent = _extent(robots, candidate)
-        candidate.doubt = _doubt(robots, candidate, group, settings.min_size)
+        candidate.doubt = _doubt(robots, candidate, places, settings.min_size)
     _rivals(found, settings.rival_share)
     return found
 
@@ -78,7 +78,7 @@ def _span(candidate: Candidate) -> float:
     return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
-def _doubt(robots: Robots, candidate: Candidate, group: IntArray, min_size: int) -> str:
+def _doubt(robots: Robots, candidate: Candidate, places: Places, min_size: int) -> str:
     """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
     size, total = len(candidate), candidate.hypothesis.total
     if size == 1:
@@ -87,10 +87,10 @@ def _doubt(robots: Robots, candidate: Candidate, group: IntArray, min_size: int)
         return f"no more than {size} of the {total} closures agree, {min_size} must"
     if candidate.hypothesis.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
-    lengths = robots.path_lengths()
-    length_a, length_b = (float(lengths[group == g].sum()) for g in (candidate.a, candidate.b))
+    positions = (poses[:, :3, 3] for poses, _ in (places[candidate.a], places[candidate.b]))
+    extent_a, extent_b = (float(np.linalg.norm(np.ptp(of_group, axis=0))) for of_group in positions)
     span = _span(candidate)
-    covered = span**2 * PLACE_PAIRS >= length_a * length_b
+    covered = span**2 * PLACE_PAIRS >= extent_a * extent_b
     if candidate.extent >= 1 or covered or robots.predicted[candidate.rows].any():
         return ""
     return (

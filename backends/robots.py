@@ -49,11 +49,6 @@ class Robots:
         """Of each robot."""
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
 
-    def path_lengths(self) -> FloatArray:
-        """Metres that each robot travelled."""
-        step = np.linalg.norm(self.odometry.T[:, :3, 3], axis=1)
-        return np.bincount(self.robot[self.odometry.first], step, minlength=self.count).astype(float)
-
     def scaled(self, scale: float) -> Robots:
         """All standard deviations so many times as large."""
         odometry, loops = (Edges(e.first, e.second, e.T, scale**2 * e.covariance) for e in (self.odometry, self.loops))

@@ -99,6 +99,9 @@ def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, P
     assert not set(expected) - in_wheel
     assert not {str(file) for file in expected.values()} - in_sdist
     assert f"wiclosure-{__version__}.dist-info/METADATA" in in_wheel
+    page = Path("pipeline/report/html")
+    assert {f"wiclosure/{page}/assets/report.{kind}" for kind in ("js", "css")} <= in_wheel
+    assert {str(file) for file in tracked if file.is_relative_to(page / "source")} <= in_sdist
     assert not any(name.startswith(("pipeline/", "configs/", "tests/")) for name in in_wheel)
 
 

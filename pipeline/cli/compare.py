@@ -131,9 +131,11 @@ def _compared(plan: Plan, folder: Path, working: Working) -> Comparison:
     """Runs every arm and writes all into `folder`."""
     from wiclosure.pipeline.comparison import arms
     from wiclosure.pipeline.comparison.comparison_folder import write_comparison
+    from wiclosure.pipeline.comparison.page import write_comparison_page
 
     compared = arms.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
     write_comparison(folder, compared)
+    write_comparison_page(folder, compared)
     return compared
 
 

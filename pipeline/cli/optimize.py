@@ -31,8 +31,8 @@ def optimize(
 
     A robot is what its own edges connect: GTSAM's symbols name robots, and where numbers are plain, edges tell them.
 
-    Writes graph.g2o with the fate of every closure, <robot>.tum and <robot>_kitti.txt, closures.csv, summary.json, and
-    results.jrr for a JSON Robot Log.
+    Writes graph.g2o with the fate of every closure, <robot>.tum and <robot>_kitti.txt, closures.csv, summary.json,
+    report.html, and results.jrr for a JSON Robot Log.
 
     For example:
 
@@ -44,6 +44,7 @@ def optimize(
 
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.report.html import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
     from wiclosure.pipeline.stages.merged_folder import summary, write_merged
     from wiclosure.pipeline.stages.optimising import merge
@@ -52,6 +53,7 @@ def optimize(
     with result_folder(result, list(map(str, graphs))) as (folder, scratch):
         merged = merge(graphs, settings)
         write_merged(scratch, merged)
+        write_optimisation_report(scratch, merged, settings)
     if as_json:
         typer.echo(json.dumps(summary(merged), indent=2, allow_nan=False))
     elif not quiet:

@@ -42,12 +42,14 @@ def reproduce(
     from wiclosure.pipeline.comparison import reproduction as reproducing
     from wiclosure.pipeline.comparison.arms import compare
     from wiclosure.pipeline.comparison.comparison_folder import write_comparison
+    from wiclosure.pipeline.comparison.page import write_comparison_page
     from wiclosure.pipeline.comparison.tables import comparison_json
 
     chosen, plan = reproducing.plan_of(experiment, poses=poses, seed=seed, seeds=seeds, n_scans=n_scans, set_=set_)
     with result_folder(result, [str(poses)] if poses else []) as (folder, scratch):
         compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
         write_comparison(scratch, compared)
+        write_comparison_page(scratch, compared)
         (scratch / "reproduce.md").write_text(reproducing.report(chosen, compared, n_scans), encoding="utf-8")
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))

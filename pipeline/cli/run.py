@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,6 +26,9 @@ from wiclosure.pipeline.cli.options import (
     Working,
     grouped,
 )
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.stages.filtering import Report
 
 
 @grouped
@@ -90,9 +93,18 @@ class FilterFiles:
     ] = None
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", help="folder for pictures of links, trajectories and kept pairs", show_default=False),
+        typer.Option("--plot", help="folder for report.html and pictures of links and kept pairs", show_default=False),
     ] = None
     overwrite: Overwrite = False
+
+    @property
+    def report(self) -> Report | None:
+        """Writes the page, where there are pictures."""
+        if self.plot is None:
+            return None
+        from wiclosure.pipeline.report.html import write_filter_report
+
+        return write_filter_report
 
 
 @grouped
@@ -130,7 +142,8 @@ def filter_command(
     settings = resolve(config, set_, use_filter=filter_name)
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
-        result = filtering.filter_candidates(trajectory, sources_of_words(wireless), config=settings, outputs=outputs)
+        logs = sources_of_words(wireless)
+        result = filtering.filter_candidates(trajectory, logs, config=settings, outputs=outputs, report=files.report)
     if as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not quiet:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from wiclosure.pipeline.comparison.outcomes import Comparison
-from wiclosure.pipeline.comparison.page import write_comparison_page
 from wiclosure.pipeline.comparison.pictures import draw_errors, draw_funnel
 from wiclosure.pipeline.comparison.tables import write_tables
 
 
 def write_comparison(folder: Path, comparison: Comparison) -> None:
-    """Writes tables, pictures and the page of all arms together into an existing folder."""
+    """Writes tables and pictures of all arms together into an existing folder."""
     write_tables(folder, comparison)
     draw_errors(folder / "ate.png", comparison)
     draw_funnel(folder / "funnel.png", comparison)
-    write_comparison_page(folder, comparison)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
@@ -22,6 +23,9 @@ logger = logging.getLogger(__name__)
 
 MANY_PAIRS = 5_000_000
 """From here on writing takes long enough to say so: some 20 s and 400 MB."""
+
+
+Report: TypeAlias = Callable[[Path, FilterResult, Mapping[str, Trajectory], WirelessLog, Config], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,7 @@ def filter_candidates(
     *,
     config: Config,
     outputs: Outputs,
+    report: Report | None = None,
 ) -> FilterResult:
     """Reads, filters, writes.
 
@@ -60,6 +65,7 @@ def filter_candidates(
         logs: radio logs, by path.
         config: settings; `use_filter` names the filter.
         outputs: files to write.
+        report: writes a page into the folder of the pictures.
 
     Raises:
         InputError: a file is missing or malformed, or the log mentions a robot without a trajectory.
@@ -87,6 +93,8 @@ def filter_candidates(
 
         with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
             save_pictures(result, robots, wireless, config.filter, scratch)
+            if report is not None:
+                report(scratch, result, robots, wireless, config)
     return result
 
 

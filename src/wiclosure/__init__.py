@@ -7,8 +7,7 @@ asked for, so that `import wiclosure` costs a few milliseconds.
 from typing import TYPE_CHECKING
 
 from wiclosure.lazy import offer
-
-__version__ = "0.1.0"
+from wiclosure.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from wiclosure.backends import GraphResult as GraphResult

@@ -32,10 +32,12 @@ def _false_closures(result: RunResult) -> list[str]:
     false = result.metrics["closures"]["accepted_false"]
     if not false:
         return []
-    pcm = result.config.pcm
+    config = result.config
     return [
         f"{false} accepted closures are false by ground truth: choose them under Closures and look at their scans."
-        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now {pcm.min_clique_size})."
+        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now"
+        f" {config.pcm.min_clique_size}) or registration.min_inlier_ratio (now"
+        f" {config.registration.min_inlier_ratio:g})."
     ]
 
 
@@ -122,7 +124,12 @@ def _radio(result: RunResult) -> list[str]:
             "There is no radio measurement, so the filter kept every pair: name a log with --wireless, or under"
             " wireless in the data set file."
         ]
-    return [_ambiguous(alignment) for alignment in result.solution.filtered.alignments if alignment.ambiguous]
+    return ambiguities(result.solution.filtered.alignments)
+
+
+def ambiguities(alignments: Sequence[FrameAlignment]) -> list[str]:
+    """What would make each alignment certain that is not."""
+    return [_ambiguous(alignment) for alignment in alignments if alignment.ambiguous]
 
 
 def _ambiguous(alignment: FrameAlignment) -> str:

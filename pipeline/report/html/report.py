@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.report.html.filter_data import filter_data
+from wiclosure.pipeline.report.html.optimisation_data import optimisation_data
 from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
 from wiclosure.pipeline.report.html.run_data import run_data
 from wiclosure.pipeline.report.html.scene_data import fewer_points
-from wiclosure.pipeline.report.html.side_by_side import side_by_side
+from wiclosure.pipeline.report.html.tables_data import side_by_side
+from wiclosure.pipeline.stages.optimising import Merged
 from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.types import FilterResult, Trajectory, WirelessLog
 
 COMPARED_POINTS = 500_000
 MOST_ARMS = 8
@@ -35,6 +40,29 @@ def write_run_report(folder: Path, result: RunResult) -> None:
     run = run_data(result)
     title = f"{_names(run)}: run with the filter {run['name']}"
     write_page(folder / PAGE, {"kind": "run", "title": title, "runs": [run], "metrics": result.metrics})
+
+
+def write_filter_report(
+    folder: Path, result: FilterResult, trajectories: Mapping[str, Trajectory], wireless: WirelessLog, config: Config
+) -> None:
+    """Writes `report.html` of a candidate filter into a folder.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    data = filter_data(result, trajectories, wireless, config)
+    title = f"{_names(data)}: pairs that the filter {result.filter_name} keeps"
+    write_page(folder / PAGE, {"kind": "filter", "title": title, "runs": [data]})
+
+
+def write_optimisation_report(folder: Path, merged: Merged, config: Config) -> None:
+    """Writes `report.html` of merged graphs into their folder.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    data = optimisation_data(merged, config)
+    write_page(folder / PAGE, {"kind": "optimisation", "title": f"{_names(data)}: merged graphs", "runs": [data]})
 
 
 def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequence[Arm]) -> None:
@@ -74,7 +102,9 @@ def write_again(folder: Path) -> Path:
     """
     page = folder / PAGE
     if not page.exists():
-        raise InputError(f"{folder} holds no {PAGE}; give a folder that wiclosure run, compare or demo wrote")
+        raise InputError(
+            f"{folder} holds no {PAGE}; give a folder that wiclosure run, compare, optimize or filter --plot wrote"
+        )
     write_page(page, read_page(page))
     return page
 

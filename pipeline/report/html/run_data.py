@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import platform
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -20,10 +18,9 @@ from wiclosure.pipeline.report.html.radio_data import Tracks, radio_pair
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map_entry, robot_entry
 from wiclosure.pipeline.report.html.tables_data import figure_tables
 from wiclosure.pipeline.report.html.verdict import headline_numbers, verdict
+from wiclosure.pipeline.report.html.versions import versions
 from wiclosure.pipeline.stages.run import RunResult
 from wiclosure.types import FloatArray, FrameAlignment
-
-_PACKAGES = ("numpy", "scipy", "gtsam", "kiss-icp", "small-gicp", "open3d", "rosbags")
 
 
 def run_data(result: RunResult) -> dict[str, Any]:
@@ -121,14 +118,3 @@ def _tracks(result: RunResult, alignment: FrameAlignment, placement: Placement) 
         return Tracks(None, None, None)
     odometry_a, odometry_b = (result.fronts[robot].odometry for robot in (a, b))
     return Tracks(odometry_a, odometry_b.moved(alignment.best.T_a_b), None)
-
-
-def versions() -> dict[str, str]:
-    """Of this program, of Python and of what the figures depend on."""
-    found = {"wiclosure": version("wiclosure"), "python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found

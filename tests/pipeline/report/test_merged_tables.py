@@ -4,49 +4,70 @@ import io
 
 from rich.console import Console
 
-from wiclosure.pipeline.report.merged_tables import merged_tables
-from wiclosure.pipeline.stages.merged_folder import LabelScores, MergedSummary
+from wiclosure.pipeline.report.merged_tables import MANY_ROWS, merged_tables
+
+FOUND = {
+    "robots": {"a": 40, "b [2]": 30},
+    "components": [["a", "b [2]"]],
+    "closures": {"read": 3, "accepted": 1, "rejected": []},
+    "ambiguous": [],
+    "sigma_scale": 1.0,
+    "ignored": {"FIX": 2},
+    "seconds": 0.25,
+    "diagnosis": ["a and b [2]: 1 of 3 closures agree"],
+}
+REJECTED = {
+    "first": "a5",
+    "second": "b30",
+    "reason": "disagrees [with] the rest",
+    "residual_m": 5.25,
+    "residual_rad": 0.5,
+}
 
 
-def printed(**changes):
-    row = {
-        "first": "a1",
-        "second": "b2",
-        "decision": "rejected",
-        "reason": "off",
-        "residual_m": 2.5,
-        "residual_rad": 0.1,
-    }
-    found = (
-        MergedSummary(
-            robots={"a": 3, "b": 4},
-            components=[["a"], ["b"]],
-            closures={"read": 60, "accepted": 10, "rejected": [row] * 50},
-            ambiguous=[],
-            sigma_scale=1.0,
-            ignored={"FIX": 1, "[bold]": 2},
-            seconds=0.2,
-            diagnosis=["a sentence"],
-        )
-        | changes
-    )
-    console = Console(width=200, record=True, file=io.StringIO())
+def shown(found: dict, width: int = 140) -> str:
+    out = io.StringIO()
     for table in merged_tables(found):
-        console.print(table)
-    return console.export_text()
+        Console(file=out, width=width, color_system=None).print(table)
+    return out.getvalue()
 
 
-def test_what_was_found_and_what_was_rejected_is_told():
-    text = printed()
-    for part in ("a: 3 poses, b: 4 poses", "10 of 60 accepted", "a; b", "FIX: 1, [bold]: 2", "a sentence", "a1 - b2"):
+def test_what_was_found_in_one_table() -> None:
+    text = shown(FOUND)
+    for part in (
+        "a: 40 poses, b [2]: 30 poses",
+        "1 of 3 accepted",
+        "FIX: 2",
+        "a and b [2]: 1 of 3 closures agree",
+        "0.2",
+    ):
         assert part in text
-    assert "and 10 more in closures.csv" in text
-    assert "5.7" in text  # degrees
+    assert "rejected closures" not in text
     assert "labels" not in text
 
 
-def test_labels_are_told_where_there_are_any():
-    scores = LabelScores(true=12, false=8, accepted_true=9, accepted_false=1, precision=0.9, recall=0.75)
-    assert "9 of 12 true, 1 of 8 false, precision 90.0%, recall 75.0%" in printed(labels=scores)
-    none = LabelScores(true=0, false=8, accepted_true=0, accepted_false=0, precision=None, recall=None)
-    assert "0 of 0 true, 0 of 8 false" in printed(labels=none)
+def test_labels_of_a_robot_log_as_counts_and_shares_where_there_are_any() -> None:
+    labels = {"true": 4, "false": 6, "accepted_true": 3, "accepted_false": 0, "precision": 1.0, "recall": 0.75}
+    assert "3 of 4 true, 0 of 6 false, precision 100.0%, recall 75.0%" in shown(FOUND | {"labels": labels})
+    unknown = labels | {"accepted_true": 0, "precision": None}
+    assert "0 of 4 true, 0 of 6 false, recall 75.0%" in shown(FOUND | {"labels": unknown})
+
+
+def test_rejected_closures_have_their_reason_and_how_far_off_they_are() -> None:
+    unknown = REJECTED | {"second": "b99", "residual_m": None, "residual_rad": None}
+    text = shown(FOUND | {"closures": {"read": 3, "accepted": 1, "rejected": [REJECTED, unknown]}})
+    line = next(line for line in text.splitlines() if "a5 - b30" in line)
+    assert "disagrees [with] the rest" in line
+    assert "5.25" in line
+    assert "28.6" in line  # degrees
+    assert [word.strip() for word in next(line for line in text.splitlines() if "b99" in line).split("│")][3:5] == [
+        "-",
+        "-",
+    ]
+
+
+def test_many_rejected_closures_are_counted_not_listed() -> None:
+    rejected = [REJECTED | {"second": f"b{n}"} for n in range(MANY_ROWS + 7)]
+    text = shown(FOUND | {"closures": {"read": 60, "accepted": 13, "rejected": rejected}})
+    assert text.count("a5 - b") == MANY_ROWS
+    assert "and 7 more in closures.csv" in text

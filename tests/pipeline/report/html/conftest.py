@@ -201,10 +201,19 @@ def _front(path: Trajectory, rng: np.random.Generator, cloud_points: int) -> Fro
     clouds = tuple(
         rng.uniform([-20, -20, -2], [20, 20, 4], (cloud_points, 3)).astype(np.float32) for _ in range(len(path))
     )
-    indices = np.arange(len(path))
-    counts = FrontEndCounts(len(path))
-    descriptors = np.zeros((len(path), 2, 3), np.float32)
-    return FrontEndResult(path.robot, path, indices, path, clouds, descriptors, counts, 0.0, 3.0, 0.1)
+    return FrontEndResult(
+        robot=path.robot,
+        odometry=path,
+        scans=path,
+        keyframe_indices=np.arange(len(path)),
+        keyframes=path,
+        clouds=clouds,
+        descriptors=np.zeros((len(path), 2, 3), np.float32),
+        counts=FrontEndCounts(len(path)),
+        seconds_reading=0.0,
+        seconds_odometry=3.0,
+        seconds_descriptors=0.1,
+    )
 
 
 def _map(rng: np.random.Generator, merged: dict[str, Trajectory], joined: Sequence[str], map_points: int) -> MergedMap:

@@ -4,13 +4,14 @@ import { el, figure, name, palette, table, themed, toggles } from "./dom.js";
 
 // What each stage leaves, and why the rest is lost where that is no closure's own reason.
 const STAGES = {
+  read: ["closures in the files"],
   pairs: ["pairs of keyframes"],
   kept: ["kept by the filter", "their paths do not come near each other there, as the filter sees it"],
   "scan context": ["look alike (scan context)", "look different, or another pair beside them looks more alike"],
   registered: ["registered"],
   "radio check": ["agree with the radio"],
-  PCM: ["agree with each other (PCM)"],
-  graph: ["fit the estimate (graph)"],
+  PCM: ["agree with each other (consistency check)"],
+  graph: ["fit the estimate (pose graph)"],
 };
 
 export function funnel(run, onChoose) {

@@ -5,6 +5,7 @@ import { matrices } from "./matrix.js";
 import { radio } from "./radio.js";
 import { report } from "./report.js";
 import { scene3d } from "./scene.js";
+import { team } from "./team.js";
 
 function section(id, title, ...children) {
   const content = children.flat(2).filter(Boolean);
@@ -52,7 +53,8 @@ async function showRun(run) {
     report.runs.length > 1 ? verdict(run.verdict) : null,
     report.runs.length > 1 && run.numbers?.length ? cards(run.numbers) : null,
     section("map", run.map ? "Merged map" : "Paths", scene.node, run.map_note ? el("p", { class: "note" }, run.map_note) : null),
-    section("funnel", "What became of the candidates", run.funnel?.length ? funnel(run, closures?.chooseReason) : null),
+    section("funnel", report.kind === "optimisation" ? "What became of the closures" : "What became of the candidates", run.funnel?.length ? funnel(run, closures?.chooseReason) : null),
+    section("team", "Who is joined to whom", team(run)),
     section("closures", "Closures", closures?.node, dialog?.dialog),
     section("candidates", "Candidate pairs", await matrices(run)),
     section("radio", "What the radio said", await radio(run)),

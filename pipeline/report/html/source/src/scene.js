@@ -12,6 +12,7 @@ import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeome
 import { decode } from "./decode.js";
 import { el, figure, name, palette, toggles } from "./dom.js";
 import { nearest } from "./picking.js";
+import { report } from "./report.js";
 
 ColorManagement.enabled = false; // colours as the page has them, no lighting
 const LAYERS = ["map", "paths", "keyframes", "accepted", "rejected", "radio", "truth", "before", "chosen"];
@@ -56,7 +57,7 @@ export async function scene3d(run, onClosure) {
     asked = true;
   };
   const look = (direction, of = groups.before.visible ? view.before : view.bounds) => {
-    const far = (1.25 * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    const far = ((map ? 1.2 : 0.9) * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
     controls.target.copy(of.center);
     camera.position.copy(of.center).addScaledVector(direction.clone().normalize(), far);
     [camera.near, camera.far] = [of.radius / 500, of.radius * 50];
@@ -171,18 +172,20 @@ function controlsBar({ run, groups, map, draw, look }) {
       groups[layer].visible = !before && checks[k].checked;
     });
     groups.chosen.visible = !before;
+    if (colouring) colouring.disabled = before;
     look(before ? ABOVE : SLANTED);
   };
   const colours = map ? Object.keys(map.colours).map((by, k) => ({ label: by, value: by, checked: k === 0, change: () => (map.colourBy(by), draw()) })) : [];
+  const colouring = colours.length ? toggles("Map's colours by", colours, { type: "radio", group: "map-colours" }) : null;
   const view = (label, direction) => el("button", { type: "button", onclick: () => look(direction) }, label);
   return el("div", { class: "controls" },
     shown,
     toggles("Robots", robots),
     run.map || has("accepted") || run.robots.length > 1
-      ? toggles("When", [{ label: "after merging", checked: true, value: "after", change: when(false) },
+      ? toggles("When", [{ label: report.kind === "filter" ? "as the radio aligns them" : "after merging", checked: true, value: "after", change: when(false) },
           { label: "before: each robot in its own frame", value: "before", change: when(true) }], { type: "radio", group: "when" })
       : null,
-    colours.length ? toggles("Map's colours by", colours, { type: "radio", group: "map-colours" }) : null,
+    colouring,
     el("div", { class: "buttons" }, view("from above", ABOVE), view("slanted", SLANTED)));
 }
 

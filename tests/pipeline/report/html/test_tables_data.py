@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from wiclosure.pipeline.report.html.side_by_side import side_by_side
+from wiclosure.pipeline.report.html.tables_data import figure_tables, side_by_side
+from wiclosure.pipeline.stages.run import RunResult
 
 
 def metrics_of(ate_m: float | None, closing_s: float, false: int, sent: int | None = 2_000_000) -> dict:
@@ -31,3 +32,12 @@ def test_an_arm_without_connected_robots_has_no_error() -> None:
     rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
     assert rows["error against ground truth (ATE)"] == [("-", ""), ("0.500 m", "")]
     assert rows["false closures accepted"] == [("0", ""), ("1", "+1")]
+
+
+def test_all_figures_of_a_run(lost_run: RunResult) -> None:
+    tables = {table["caption"]: table for table in figure_tables(lost_run.metrics)}
+    assert all(len(row) == len(table["header"]) for table in tables.values() for row in table["rows"])
+    assert ["accepted", 8] in tables["Closures"]["rows"]
+    assert ["sent between robots", 1.5] in tables["Memory and radio traffic"]["rows"]
+    (errors,) = (table for caption, table in tables.items() if caption.startswith("Absolute trajectory error"))
+    assert [row[0] for row in errors["rows"]] == ["team", "alpha", "beta", "gamma"]

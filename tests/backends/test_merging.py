@@ -1,0 +1,91 @@
+"""Teams: what third robots settle, and what stated standard deviations do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.config import ClosureNoise, PcmSettings
+from wiclosure.backends.pcm import pairwise_consistent
+
+EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+
+
+def between(team, a, b, ends, rng, shift=None):
+    """Closures between keyframes `ends` of two robots, of b as if its frame were moved by `shift`."""
+    closures = [team.closure((a, int(i)), (b, int(j)), noise=rng) for i, j in ends]
+    if shift is None:
+        return closures
+    poses = team.truth[a].poses, shift @ team.truth[b].poses
+    return [
+        team.remeasured(c, T_query_match=se3.between(poses[0][c.query.index], poses[1][c.match.index]))
+        for c in closures
+    ]
+
+
+def live(result):
+    return np.array([c.live for c in result.closures])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_set_of_one_place_falls_to_a_cycle_of_right_ones(team_maker, seed):
+    team, rng = team_maker(seed, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(seed)
+    shift = se3.from_yaw(0.4, np.array([20.0, 5.0, 0.0]))
+    closures = between(team, "alpha", "beta", [(20 + n, 30 + n) for n in range(10)], rng, shift)
+    for robot in ("alpha", "beta"):
+        closures += between(team, robot, "gamma", rng.integers(0, 60, (5, 2)), rng)
+    kept = live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT)))
+    assert not kept[:10].any()
+    assert kept[10:].all()
+
+
+def test_sets_of_which_nothing_tells_the_wrong_one_are_all_refused(team_maker):
+    team, rng = team_maker(4, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(4)
+    shift = se3.from_yaw(0.4, np.array([20.0, 5.0, 0.0]))
+    closures = between(team, "alpha", "beta", rng.integers(0, 60, (10, 2)), rng, shift)
+    for robot in ("alpha", "beta"):
+        closures += between(team, robot, "gamma", rng.integers(0, 60, (10, 2)), rng)
+    result = pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))
+    assert not live(result).any()
+    assert all("over a third one" in c.reason for c in result.closures)
+
+
+def test_an_ambiguous_pair_is_settled_over_a_third_robot(team_maker):
+    team, rng = team_maker(5, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(5)
+    shift = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    right, wrong = (between(team, "alpha", "beta", rng.integers(0, 60, (6, 2)), rng, moved) for moved in (None, shift))
+    alone = pairwise_consistent(right + wrong, team.odometry, PcmSettings(noise=EXACT))
+    assert not live(alone).any()
+    assert any(pair.ambiguous for pair in alone.pairs)
+    others = [c for r in ("alpha", "beta") for c in between(team, r, "gamma", rng.integers(0, 60, (6, 2)), rng)]
+    kept = live(pairwise_consistent(right + wrong + others, team.odometry, PcmSettings(noise=EXACT)))
+    assert kept.tolist() == [True] * 6 + [False] * 6 + [True] * 12
+
+
+def test_single_closures_hold_where_they_close_a_cycle(team_maker):
+    team, rng = team_maker(6, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(6)
+    pairs = (("alpha", "beta"), ("beta", "gamma"), ("alpha", "gamma"))
+    closures = [c for a, b in pairs for c in between(team, a, b, rng.integers(0, 60, (1, 2)), rng)]
+    assert live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))).all()
+    false = team.false_closure(("alpha", 5), ("gamma", 40), rng)
+    assert not live(pairwise_consistent([*closures[:2], false], team.odometry, PcmSettings(noise=EXACT))).any()
+
+
+@pytest.mark.parametrize("count", [10, 60])
+def test_true_closures_are_all_kept_as_sets_grow(team_maker, count):
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        closures = between(team, "alpha", "beta", rng.integers(0, 60, (count, 2)), rng)
+        assert live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))).all()
+
+
+@pytest.mark.parametrize("max_scale", [1.0, 10.0])
+@pytest.mark.parametrize("count", [2, 10, 100])
+def test_of_unrelated_closures_none_is_accepted_under_any_scale(team_maker, count, max_scale):
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        ends = rng.integers(0, 60, (count, 2))
+        closures = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
+        result = pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT, max_scale=max_scale))
+        assert not live(result).any()

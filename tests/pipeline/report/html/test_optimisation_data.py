@@ -1,0 +1,63 @@
+"""Two robots' graphs as files have them, their indices from 100 on: six closures that agree and one that does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wiclosure.pipeline.config import load_config
+from wiclosure.pipeline.report.html import write_optimisation_report
+from wiclosure.pipeline.report.html.page import read_page
+from wiclosure.pipeline.stages.optimising import Merged, merge
+
+FIRST = 100
+INFORMATION = "100 0 0 0 0 0 100 0 0 0 0 100 0 0 0 100 0 0 100 0 100"
+
+
+def key(robot: str, index: int) -> int:
+    return (ord(robot) << 56) + index
+
+
+def line(robot: str, y_m: float, poses: int = 12) -> list[str]:
+    rows = [f"VERTEX_SE3:QUAT {key(robot, FIRST + n)} {n} {y_m} 0 0 0 0 1" for n in range(poses)]
+    return rows + [
+        f"EDGE_SE3:QUAT {key(robot, FIRST + n)} {key(robot, FIRST + n + 1)} 1 0 0 0 0 0 1 {INFORMATION}"
+        for n in range(poses - 1)
+    ]
+
+
+@pytest.fixture
+def merged(tmp_path: Path) -> Merged:
+    closures = [
+        f"EDGE_SE3:QUAT {key('a', FIRST + n)} {key('b', FIRST + n)} 0 2 0 0 0 0 1 {INFORMATION}" for n in range(6)
+    ]
+    false = f"EDGE_SE3:QUAT {key('a', FIRST)} {key('b', FIRST + 11)} 0 0 9 0 0 0 1 {INFORMATION}"
+    path = tmp_path / "graph.g2o"
+    path.write_text("\n".join([*line("a", 0.0), *line("b", 0.0), *closures, false]) + "\n")
+    return merge([path], load_config())
+
+
+def test_closures_have_the_files_indices_and_their_reasons(merged: Merged, tmp_path: Path) -> None:
+    write_optimisation_report(tmp_path, merged, load_config())
+    report = read_page(tmp_path / "report.html")
+    assert report["title"] == "a and b: merged graphs"
+    (run,) = report["runs"]
+    assert run["verdict"]["sentence"] == "All 2 robots in one frame; 6 of 7 closures accepted."
+    (rejected,) = [c for c in run["closures"] if c["decision"] == "rejected"]
+    assert (rejected["query"], rejected["match"]) == (["a", FIRST], ["b", FIRST + 11])
+    assert rejected["reason"]
+    assert run["funnel"][0] == {"stage": "read", "count": 7, "true": None, "false": None, "reasons": []}
+    assert run["funnel"][-1]["count"] == 6
+    reasons = [reason for stage in run["funnel"] for reason in stage["reasons"]]
+    assert [(reason["text"], reason["count"]) for reason in reasons] == [(rejected["reason"], 1)]
+
+
+def test_robots_that_nothing_joins(tmp_path: Path) -> None:
+    path = tmp_path / "graph.g2o"
+    path.write_text("\n".join([*line("a", 0.0), *line("b", 0.0)]) + "\n")
+    write_optimisation_report(tmp_path, merge([path], load_config()), load_config())
+    (run,) = read_page(tmp_path / "report.html")["runs"]
+    assert run["verdict"]["tone"] == "bad"
+    assert "not all connected (a; b)" in run["verdict"]["sentence"]
+    assert [robot["connected"] for robot in run["robots"]] == [True, False]

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wiclosure.errors import InputError
+from wiclosure.pipeline.sources.clouds.times_file import read_lines, read_times, times_beside
+
+
+def test_seconds_nanoseconds_and_dates_to_the_nanosecond(tmp_path: Path) -> None:
+    path = tmp_path / "times.txt"
+    path.write_text("# time\n1700000000.000000001\n\n1700000000123456789\n2011-09-26 13:02:25.594360375\n1.5e1\n\n\n")
+    assert read_lines(path) == [
+        None, 1_700_000_000_000_000_001, None, 1_700_000_000_123_456_789, 1_317_042_145_594_360_375, 15 * 10**9
+    ]  # fmt: skip
+    assert read_times(path).tolist() == [stamp for stamp in read_lines(path) if stamp is not None]
+
+
+@pytest.mark.parametrize("line", ["now", "1.2.3", "2011-13-40 99:00:00"])
+def test_a_line_that_is_no_time_is_named(tmp_path: Path, line: str) -> None:
+    (tmp_path / "times.txt").write_text(f"1.0\n{line}\n")
+    with pytest.raises(InputError, match=r"times\.txt, line 2: .* is no time; expected seconds or a date with time"):
+        read_times(tmp_path / "times.txt")
+
+
+def test_files_that_are_missing_or_no_text(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot read .*a KITTI folder needs it"):
+        read_times(tmp_path / "times.txt")
+    (tmp_path / "times.txt").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(InputError, match="is not text"):
+        read_times(tmp_path / "times.txt")
+
+
+def test_times_of_a_folder_lie_in_it_or_beside_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = tmp_path / "velodyne"
+    folder.mkdir()
+    assert times_beside(folder, 2) is None
+    (tmp_path / "times.txt").write_text("1\n2\n")
+    stamps_ns, path = times_beside(folder, 2)
+    assert (stamps_ns.tolist(), path) == ([10**9, 2 * 10**9], tmp_path / "times.txt")
+    (folder / "timestamps.txt").write_text("3\n4\n")
+    assert times_beside(folder, 2)[1] == folder / "timestamps.txt"
+    assert times_beside(folder, 3) is None
+    assert "timestamps.txt has 2 times for the 3 clouds" in caplog.text
+
+
+def test_a_file_beside_the_folder_may_be_of_something_else_but_not_one_in_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "velodyne"
+    folder.mkdir()
+    (tmp_path / "times.txt").write_text("calibration\n")
+    assert times_beside(folder, 1) is None
+    assert "it is not used for the clouds in" in caplog.text
+    (folder / "times.txt").write_text("calibration\n")
+    with pytest.raises(InputError, match="is no time"):
+        times_beside(folder, 1)
