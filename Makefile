@@ -19,6 +19,7 @@ lint: setup ## ruff, mypy strict, import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy benchmarks/*.py examples/*.py
 	$(BIN)/lint-imports --no-logo
 
 test: lint ## lint, and the quick tests

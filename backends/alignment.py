@@ -52,7 +52,7 @@ class Comparison:
         for members in dense_sets(inside & inside.T, most):
             votes = agree[members].sum(axis=0)
             own = np.isin(np.arange(len(self.claims)), self.anchors[members])
-            belongs = (votes - own > 0.5 * (len(members) - own)) & ~taken
+            belongs = (votes - own >= 0.5 * (len(members) - own)) & ~taken
             rows = np.flatnonzero(belongs)
             if len(rows) == 0:
                 continue

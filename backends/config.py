@@ -1,4 +1,4 @@
-"""Settings of the back end: which closures are believed, how the graph is solved, how fine the map is."""
+"""Settings of the back end: which closures are accepted, how the graph is solved, how fine the map is."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class PoseGraphSettings(Settings):
 class MapSettings(Settings):
     """The merged map."""
 
-    voxel_size_m: float = Field(0.2, gt=0, description="m; one point a voxel: fine enough for poles and kerbs")
+    voxel_size_m: float = Field(0.2, gt=0, description="m; one point per voxel: fine enough for poles and kerbs")
     occupancy_cell_m: float = Field(
         0.25, gt=0, description="m a pixel of the occupancy image; wider where it would be huge"
     )

@@ -1,7 +1,7 @@
 """Sets of closures in which most agree with most: what a maximum clique is relaxed to.
 
 A clique demands that all n (n - 1) / 2 pairs pass a test that a true pair fails now and then, so that large cliques of
-true closures do not exist.  Here a closure belongs to a set if it agrees with more than half of its members; one whose
+true closures do not exist.  Here a closure belongs to a set if it agrees with half of its members at least; one whose
 own noise is so large that it does not is one in thousands, and an unrelated one agrees with next to none.
 """
 
@@ -52,7 +52,7 @@ def _settled(agree: BoolArray, members: BoolArray) -> BoolArray:
     for _ in range(ROUNDS):
         votes = agree[:, members].sum(axis=1)
         voters = members.sum() - members  # nobody votes on itself
-        new = votes > 0.5 * voters
+        new = votes >= 0.5 * voters
         new &= votes > 0
         if (new == members).all():
             break

@@ -1,4 +1,4 @@
-"""The merged map: the keyframes' clouds in one frame, one point a voxel, coloured by robot.
+"""The merged map: the keyframes' clouds in one frame, one point per voxel, coloured by robot.
 
 Voxels are gathered by tiles of ground.  When too many are in memory, all tiles go to a temporary folder, and come back
 one at a time when the map is finished: memory is bounded by one tile and by the finished points, 15 bytes each.
@@ -29,7 +29,7 @@ VOXELS_IN_MEMORY = 2_000_000  # some 130 MB
 TILE_BITS = 9  # a tile is 512 voxels wide: 100 m at 0.2 m
 AXIS_BITS = 21  # three voxel coordinates in one int64: 200 km each way at 0.2 m
 TILE_SHIFT = 2 * TILE_BITS + AXIS_BITS
-Keys: TypeAlias = NDArray[np.int64]
+VoxelKeys: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ class _Tiles:
     def __init__(self, size_m: float, folder: Path) -> None:
         self.size_m = size_m
         self.folder = folder
-        self.parts: dict[int, list[tuple[Keys, FloatArray]]] = {}
+        self.parts: dict[int, list[tuple[VoxelKeys, FloatArray]]] = {}
         self.in_memory = 0
 
     def add(self, robot: int, T_world_body: FloatArray, points: Float32Array) -> None:
@@ -115,7 +115,7 @@ class _Tiles:
             np.savez(self.folder / f"{tile}-{number:09d}.npz", keys=keys, sums=sums)
         self.parts, self.in_memory = {}, 0
 
-    def _keys(self, world: FloatArray) -> Keys:
+    def _keys(self, world: FloatArray) -> VoxelKeys:
         """Tile, then the place in it: the high bits of x and y, then their low bits and z."""
         limit = 1 << (AXIS_BITS - 1)
         cell = np.floor(world / self.size_m)
@@ -131,11 +131,11 @@ class _Tiles:
         return np.asarray((tile << TILE_SHIFT) | (place << AXIS_BITS) | z)
 
 
-def _added_up(parts: Sequence[tuple[Keys, FloatArray]]) -> tuple[Keys, FloatArray]:
+def _added_up(parts: Sequence[tuple[VoxelKeys, FloatArray]]) -> tuple[VoxelKeys, FloatArray]:
     return _summed(np.concatenate([keys for keys, _ in parts]), np.concatenate([sums for _, sums in parts]))
 
 
-def _summed(keys: Keys, rows: FloatArray) -> tuple[Keys, FloatArray]:
+def _summed(keys: VoxelKeys, rows: FloatArray) -> tuple[VoxelKeys, FloatArray]:
     """Rows of equal keys added up, sorted by key."""
     if len(keys) == 0:
         return keys, rows

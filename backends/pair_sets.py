@@ -15,7 +15,7 @@ from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
 from wiclosure.types import IntArray
 
-PLACE_PAIRS = 50  # pairs of places among which two may look alike: a seventh of both groups' extents is more than one
+PLACE_PAIRS = 10  # pairs of places among which two may look alike: a third of both extents is more than one
 VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
 
 

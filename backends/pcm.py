@@ -46,18 +46,19 @@ class PcmResult:
 
 
 def pairwise_consistent(
-    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings
+    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings | None = None
 ) -> PcmResult:
     """Accepts live closures that agree with each other and with odometry; rejects the others.
 
     Args:
         closures: any; those not measured yet, or rejected, pass through unchanged.
         trajectories: keyframe odometry by robot, with its drift model; each robot in its own frame.
-        settings: see `PcmSettings`.
+        settings: defaults where None.
 
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
     """
+    settings = settings or PcmSettings()
     if not settings.enabled:
         closure_sets(closures, trajectories, settings.noise)  # names unknown robots and keyframes
         return PcmResult(tuple(closures), ())

@@ -51,7 +51,7 @@ class _Estimate:
 def optimise(
     trajectories: Mapping[str, Trajectory],
     closures: Sequence[Closure],
-    settings: PoseGraphSettings,
+    settings: PoseGraphSettings | None = None,
     radio: Sequence[RadioLinks] = (),
 ) -> GraphResult:
     """Merges the robots' keyframe trajectories over their live closures.
@@ -60,7 +60,7 @@ def optimise(
         trajectories: keyframe odometry by robot, with its drift model; the odometry frame of `settings.anchor`, or of
             the first robot, is the world.
         closures: between robots or within one; those not measured yet, or rejected, pass through unchanged.
-        settings: see `PoseGraphSettings`.
+        settings: defaults where None.
         radio: measurements between robots; used where `settings.radio` says so.
 
     Returns:
@@ -71,6 +71,7 @@ def optimise(
         InputError: no trajectory; no robot is called `settings.anchor`; or a closure names a robot or a keyframe that
             the trajectories do not have.
     """
+    settings = settings or PoseGraphSettings()
     if not trajectories:
         raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
     trajectories = _anchored(trajectories, settings.anchor)
@@ -146,7 +147,7 @@ def _joint(
     rigid: Mapping[str, FloatArray],
     settings: PoseGraphSettings,
 ) -> _Estimate:
-    """First decide on the closures, then solve for all keyframes with the believed ones."""
+    """First decide on the closures, then solve for all keyframes with the inliers."""
     masks, poses = _decide(trajectories, sets, radio, rigid, settings)
     kept = [z.subset(np.flatnonzero(m)) for z, m in zip(sets, masks, strict=True)]
     groups = components(list(trajectories), kept, radio)
@@ -225,7 +226,7 @@ def _final_graph(
     groups: Sequence[Sequence[str]],
     poses: Mapping[str, FloatArray],
 ) -> gtsam.NonlinearFactorGraph:
-    """Odometry, believed closures, radio, and the first pose of each component held."""
+    """Odometry, accepted closures, radio, and the first pose of each component held."""
     keys = Keys(tuple(trajectories))
     anchors = [anchor(keys(group[0], 0), gtsam.Pose3(poses[group[0]][0])) for group in groups]
     measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys)]

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE
 from wiclosure.types import FloatArray
 
 QUANTILES = np.array([0.5, 0.75, 0.9, 0.95])  # of residuals, the most demanding of which counts: tails may be heavy
@@ -40,9 +41,10 @@ def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> flo
     if max(evidence) <= 0:
         return 1.0
     rough = float(scales[int(np.argmax(evidence))])
-    inside = np.concatenate([_inside(of, limit * (2.0 * rough) ** 2) for of in comparisons])
+    rare = np.log(EXPECTED_BY_CHANCE / len(scales))  # one of so many scales fits random closures best
+    inside = np.concatenate([_inside(of, limit * rough**2, limit * (2.0 * rough) ** 2, rare) for of in comparisons])
     fine = of_residuals(inside)
-    return max(rough, 1.0) if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
+    return 1.0 if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
 
 
 def settled(scale: float, most: float) -> float:
@@ -57,11 +59,12 @@ def _evidence(comparison: Comparison, limit: float) -> float:
     return max(0.0, -hypotheses[0].log_chance) if hypotheses else 0.0
 
 
-def _inside(comparison: Comparison, limit: float) -> FloatArray:
-    """Squared distances between the closures of the largest set, each pair once."""
+def _inside(comparison: Comparison, limit: float, wide: float, rare: float) -> FloatArray:
+    """Squared distances between the closures of the largest set, each pair once, if chance does not explain it."""
     hypotheses = comparison.hypotheses(limit, most=1)
-    if not hypotheses or hypotheses[0].log_chance > 0:
+    if not hypotheses or hypotheses[0].log_chance > rare:
         return np.zeros(0)
+    hypotheses = comparison.hypotheses(wide, most=1)
     rows = np.flatnonzero(np.isin(comparison.anchors, hypotheses[0].rows))
     square = comparison.distances[np.ix_(rows, comparison.anchors[rows])]
     return np.asarray(square[np.triu_indices(len(rows), 1)])

@@ -27,15 +27,20 @@ class StreamingBackEnd:
 
     Args:
         trajectories: keyframe odometry of all robots so far, one keyframe each at least.
-        pcm: settings of the consistency check.
-        settings: settings of the estimate.
+        pcm: settings of the consistency check; defaults where None.
+        settings: settings of the estimate; likewise.
     """
 
-    def __init__(self, trajectories: Mapping[str, Trajectory], pcm: PcmSettings, settings: PoseGraphSettings) -> None:
+    def __init__(
+        self,
+        trajectories: Mapping[str, Trajectory],
+        pcm: PcmSettings | None = None,
+        settings: PoseGraphSettings | None = None,
+    ) -> None:
         self._odometry = dict(trajectories)
         self._keys = Keys(tuple(trajectories))
-        self._settings = settings
-        self._consistency = IncrementalConsistency(pcm)
+        self._settings = settings or PoseGraphSettings()
+        self._consistency = IncrementalConsistency(pcm or PcmSettings())
         self._closures: list[Closure] = []
         self._slots: dict[int, int] = {}  # row of each closure in the estimate: its place among iSAM2's factors
         self._switched_off: set[int] = set()  # inliers of the check that the estimate contradicts

@@ -133,8 +133,8 @@ def _false_closure(rng: np.random.Generator, odometry: dict[str, Trajectory]) ->
     """Two unrelated places that look along the same street, one way or the other."""
     a, b = rng.choice(list(odometry), 2, replace=False)
     T = se3.from_yaw(rng.choice([0.0, np.pi]) + rng.normal(0, 0.05), np.array([*rng.normal(0, 4, 2), 0.0]))
-    ends = (KeyframeId(str(r), int(rng.integers(len(odometry[r])))) for r in (a, b))
-    return Closure.from_measurement(*ends, T, np.diag(LOOP_SIGMA**2))
+    query, match = (KeyframeId(str(r), int(rng.integers(len(odometry[r])))) for r in (a, b))
+    return Closure.from_measurement(query, match, T, np.diag(LOOP_SIGMA**2))
 
 
 def solved(team: Team, pcm: PcmSettings | None = None, graph: PoseGraphSettings | None = None) -> GraphResult:
@@ -173,9 +173,9 @@ def perfect(_: argparse.Namespace) -> None:
             Closure.from_measurement(KeyframeId("a", int(i)), KeyframeId("b", int(j)), T_ab, np.eye(6) * 1e-4)
             for (i, j), T_ab in zip(ends, T, strict=True)
         ]
-        (z,), _ = closure_sets(closures, odometry, STATED)
+        (z,) = closure_sets(closures, odometry, STATED)[0]
         everyone, cycles = np.arange(40), Cycles.of(z, odometry)
-        errors = [se3.log(cycles.closing_transforms(row, everyone)) for row in everyone]
+        errors = [se3.log(cycles.closing_transforms(row, everyone)) for row in range(40)]
         worst = max(worst, float(np.abs(errors).max()))
     print(f"perfect closures, random SE(3), 100 m: largest residual {worst:.1e} (goal 1e-9)")
 
@@ -270,7 +270,7 @@ def thousand(_: argparse.Namespace) -> None:
     """Matrix and clique of 1,000 closures between two robots, against plain ways."""
     for true in (200, 600):
         team = simulated(1, 2, 1500, true, within=0.0, false=1000 - true)
-        (z,), _ = closure_sets(team.closures, team.odometry, STATED)
+        (z,) = closure_sets(team.closures, team.odometry, STATED)[0]
         settings = PcmSettings(noise=STATED)
         began, cpu = time.perf_counter(), time.process_time()
         consistent = consistency_matrix(z, team.odometry, settings)
@@ -291,7 +291,7 @@ def thousand(_: argparse.Namespace) -> None:
 def _double_loop(z: ClosureSet, odometry: dict[str, Trajectory], pairs: int) -> int:
     consistent, cycles = 0, Cycles.of(z, odometry)
     for first, second in list(zip(*np.triu_indices(len(z), 1), strict=True))[:pairs]:
-        consistent += int(cycles.mahalanobis_squared(first, np.array([second]))[0] < 16.8)
+        consistent += int(cycles.mahalanobis_squared(int(first), np.array([second]))[0] < 16.8)
     return consistent
 
 

@@ -7,6 +7,7 @@ import resource
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import gtsam
 import numpy as np
@@ -51,10 +52,9 @@ def whole(arguments: argparse.Namespace) -> None:
         of = team(graph, 0, 0.0)
         ours = solved(of.odometry, of.closures)
         factors, odometry = _factors(graph)
-        peers = {"LM": _timed(lambda f=factors, o=odometry: _lm(f, o))}
-        peers["chordal + LM"] = _timed(lambda f=factors: _lm(f, gtsam.InitializePose3.initialize(f)))
+        peers = {"LM": _timed(partial(_lm, factors, odometry)), "chordal + LM": _timed(partial(_chordal, factors))}
         if len(graph.first) < 2000:
-            peers["GncLM"] = _timed(lambda g=graph, f=factors, o=odometry: _gnc(g, f, o))
+            peers["GncLM"] = _timed(partial(_gnc, graph, factors, odometry))
         costs = {peer: factors.error(values) for peer, (values, _) in peers.items()}
         best = min(costs["LM"], costs["chordal + LM"])
         cost = ours.result.graph.error(ours.result.values)
@@ -82,12 +82,12 @@ def _placed(graph: Graph) -> FloatArray:
     """Poses by odometry; each robot placed by its first edge to one that is placed."""
     poses = np.tile(np.eye(4), (len(graph.robot), 1, 1))
     steps, done = graph.is_odometry(), np.zeros(len(graph.robot), bool)
-    for row in np.flatnonzero(steps):
-        poses[graph.second[row]] = poses[graph.first[row]] @ graph.T[row]
+    for step in np.flatnonzero(steps):
+        poses[graph.second[step]] = poses[graph.first[step]] @ graph.T[step]
     done[graph.robot == graph.robot[0]] = True
     while not done.all():
         row = int(np.flatnonzero(done[graph.first] != done[graph.second])[0])
-        i, j, T = graph.first[row], graph.second[row], graph.T[row]
+        i, j, T = int(graph.first[row]), int(graph.second[row]), graph.T[row]
         known, new, T = (i, j, T) if done[i] else (j, i, se3.inverse(T))
         members = graph.robot == graph.robot[new]
         poses[members] = poses[known] @ T @ se3.inverse(poses[new]) @ poses[members]
@@ -97,6 +97,10 @@ def _placed(graph: Graph) -> FloatArray:
 
 def _lm(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
     return gtsam.LevenbergMarquardtOptimizer(factors, start).optimize()
+
+
+def _chordal(factors: gtsam.NonlinearFactorGraph) -> gtsam.Values:
+    return _lm(factors, gtsam.InitializePose3.initialize(factors))
 
 
 def _gnc(graph: Graph, factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
@@ -114,7 +118,11 @@ def _timed(solve: Callable[[], gtsam.Values]) -> tuple[gtsam.Values, float]:
 # ---------------------------------------------------------------------------------------------------------------- teams
 def cut(arguments: argparse.Namespace) -> None:
     """Every graph cut into robots with unknown starts, with false loops of three kinds."""
-    kinds = {"random": random_loops, "far": far_loops, "look-alike": look_alike_loops}
+    kinds: dict[str, Callable[..., list[Closure]]] = {
+        "random": random_loops,
+        "far": far_loops,
+        "look-alike": look_alike_loops,
+    }
     for name, graph in _graphs(arguments, seeds=1):
         alone = len(np.unique(graph.robot)) == 1
         for robots in (2, 3, 5, 10) if alone else (0,):
@@ -267,8 +275,8 @@ def _paths(seed: int, robots: int) -> tuple[dict[str, Trajectory], dict[str, Flo
         measured = steps @ se3.exp(rng.normal(size=(119, 6)) * sigma)
         truth[f"r{n}"] = _chain(start, steps)
         covariance = np.tile(np.diag(sigma**2), (119, 1, 1))
-        stamps = np.arange(120, dtype=np.int64)
-        odometry[f"r{n}"] = Trajectory(f"r{n}", stamps, _chain(np.eye(4), measured), step_covariances=covariance)
+        stamps_ns = np.arange(120, dtype=np.int64) * 10**9
+        odometry[f"r{n}"] = Trajectory(f"r{n}", stamps_ns, _chain(np.eye(4), measured), step_covariances=covariance)
     return odometry, truth, rng
 
 

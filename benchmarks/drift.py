@@ -81,9 +81,12 @@ def fit(recordings: list[Recording], bias: bool) -> DriftModel:
     def model(logs: FloatArray) -> DriftModel:
         return DriftModel(**dict(zip(NAMES, np.exp(logs).tolist(), strict=False)))
 
+    def cost(logs: FloatArray) -> float:
+        return negative_log_likelihood(model(logs), recordings)
+
     best = minimize(
-        lambda logs: negative_log_likelihood(model(logs), recordings),
-        np.log(START[:size]),
+        cost,
+        np.asarray(np.log(START[:size]), np.float64),
         method="Nelder-Mead",
         options={"maxiter": 300, "xatol": 0.03, "fatol": 0.01},
     )

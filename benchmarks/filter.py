@@ -20,7 +20,7 @@ from kitti import Team, thirds
 from radio import Radio
 
 from wiclosure import se3
-from wiclosure.formats.filter_summary import peak_rss_mb
+from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import load_config
 from wiclosure.types import CandidatePairs, FilterResult, FloatArray, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings

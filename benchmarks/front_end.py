@@ -42,7 +42,7 @@ from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.matching import match
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.inputs import Inputs
@@ -175,11 +175,12 @@ def descriptor() -> None:
 def pairs() -> None:
     rng = np.random.default_rng(0)
     count = 1050
-    contexts = [rng.random((count, 20, 60)).astype(np.float32) for _ in range(2)]
+    first, second = (rng.random((count, 20, 60)).astype(np.float32) for _ in range(2))
+    contexts = (first, second)
     for images in contexts:
         images[:, :, :5] = 0.0  # some columns are empty, as where the sensor does not look
     a, b = np.divmod(np.arange(count**2), count)
-    spectra = [ColumnSpectra.of(images) for images in contexts]
+    spectra = (ColumnSpectra.of(first), ColumnSpectra.of(second))
 
     def by_definition(rows: IntArray) -> FloatArray:
         """Every shift by rolling columns (paper, eqs. 6 and 7)."""
@@ -190,18 +191,18 @@ def pairs() -> None:
 
     with row(f"{len(a):,} pairs at all 60 shifts", "<= 1.0 s, <= 1 GB"):
         began = time.process_time()
-        ours_s = seconds_of(lambda: compare(*spectra, a, b), 3)
+        ours_s = seconds_of(lambda: compare_descriptors(*spectra, a, b), 3)
         processor_s = (time.process_time() - began) / 3
         some = rng.permutation(len(a))[:500]
         peer_s = seconds_of(lambda: by_definition(some)) * len(a) / len(some)
-        gap = np.abs(by_definition(some) - compare(*spectra, a[some], b[some])[0]).max()
+        gap = np.abs(by_definition(some) - compare_descriptors(*spectra, a[some], b[some])[0]).max()
         print(
             f"  ours {ours_s:.2f} s ({processor_s:.2f} s of processor time), rolling columns {peer_s:.0f} s (from"
             f" {len(some)} pairs), difference {gap:.0e}"
         )
         for width in (10, 30, 100):
             near = np.flatnonzero(np.abs(a - b) < width)
-            near_s = seconds_of(partial(compare, *spectra, a[near], b[near]), 3)
+            near_s = seconds_of(partial(compare_descriptors, *spectra, a[near], b[near]), 3)
             print(
                 f"  {len(near):7,} pairs as a filter keeps them: {near_s:.3f} s, {near_s / len(near) * 1e6:.1f} us each"
             )
@@ -387,7 +388,8 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
     print(f"  filter keeps {near.sum()} of {(apart <= near_m).sum()} pairs within {near_m:g} m, {len(kept)} in all")
     if kept.predicts is None:
         print("  its alignment is ambiguous: it predicts nothing")
-    best = match(kept, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), config.matching).closures
+    descriptors_a, descriptors_b = (fronts[r].descriptors for r in (kept.robot_a, kept.robot_b))
+    best = match(kept, descriptors_a, descriptors_b, config.matching).closures
     print(f"  proposed: {verified(best, filtered, fronts, ends, near_m)}")
     rng = np.random.default_rng(0)
     exhaustive = MatchingSettings(
@@ -408,7 +410,7 @@ def world(inputs: Inputs, config: Config, sample: int = 100) -> None:
             kept.mahalanobis[rows],
             kept.predictor,
         )
-        closures = match(some, *(fronts[r].descriptors for r in (kept.robot_a, kept.robot_b)), exhaustive).closures
+        closures = match(some, descriptors_a, descriptors_b, exhaustive).closures
         print(f"  {label}, any looks: {verified(closures, filtered, fronts, ends, near_m)}")
 
 

@@ -76,8 +76,8 @@ def team(graph: Graph, seed: int, share_false: float, false: Callable[..., list[
         name = f"r{robot}"
         names.append(name)
         start[nodes] = nodes[0]
-        stamps = np.arange(len(nodes), dtype=np.int64)
-        odometry[name] = Trajectory(name, stamps, np.stack(poses), step_covariances=graph.covariance[steps])
+        stamps_ns = np.arange(len(nodes), dtype=np.int64) * 10**9
+        odometry[name] = Trajectory(name, stamps_ns, np.stack(poses), step_covariances=graph.covariance[steps])
     closures = [
         closure(names, graph, int(i), int(j), T, C, start)
         for i, j, T, C in zip(
@@ -96,8 +96,8 @@ def closure(
     names: Sequence[str], graph: Graph, i: int, j: int, T: FloatArray, covariance: FloatArray, start: IntArray
 ) -> Closure:
     """Between two nodes, by the names of their robots."""
-    ends = (KeyframeId(names[graph.robot[n]], int(n - start[n])) for n in (i, j))
-    return Closure.from_measurement(*ends, T, covariance)
+    query, match = (KeyframeId(names[graph.robot[n]], int(n - start[n])) for n in (i, j))
+    return Closure.from_measurement(query, match, T, covariance)
 
 
 def random_loops(
@@ -106,7 +106,7 @@ def random_loops(
     """Between any two robots; of any rotation, and as far as true closures reach or further."""
     loops = np.flatnonzero(~graph.is_odometry())
     length = float(np.linalg.norm(graph.T[loops, :3, 3], axis=1).mean()) * reach
-    made = []
+    made: list[Closure] = []
     while len(made) < count:
         i, j = rng.integers(0, len(graph.robot), 2)
         if graph.robot[i] == graph.robot[j]:
@@ -178,8 +178,15 @@ def read(name: str) -> Graph:
 
 def _edges(path: Path) -> dict[tuple[int, int], tuple[FloatArray, FloatArray]]:
     graph, _ = gtsam.readG2o(str(path), True)
-    factors = (graph.at(n) for n in range(graph.size()))
-    return {tuple(f.keys()): (f.measured().matrix(), f.noiseModel().covariance()) for f in factors}
+    found = {}
+    for n in range(graph.size()):
+        factor = graph.at(n)
+        assert isinstance(factor, gtsam.BetweenFactorPose3)
+        noise = factor.noiseModel()
+        assert isinstance(noise, gtsam.noiseModel.Gaussian)
+        first, second = factor.keys()
+        found[first, second] = (factor.measured().matrix(), noise.covariance())
+    return found
 
 
 def _team_of_files(paths: Sequence[Path]) -> Graph:
@@ -295,15 +302,15 @@ def lawn_mower(seed: int, sigma: tuple[float, float] = (0.01, 0.05), rows: int =
 def streets(seed: int, sigma: tuple[float, float] = (0.01, 0.1), poses: int = 1500) -> Graph:
     """Blocks of 20 m, a metre a step, turns at random; loops within 4 m."""
     rng = np.random.default_rng(seed)
-    at, along, positions = np.zeros(2), np.array([1.0, 0.0]), []
+    at, along, visited = np.zeros(2), np.array([1.0, 0.0]), []
     for n in range(poses):
-        positions.append([*at, 0.0])
+        visited.append([*at, 0.0])
         if n % 20 == 0:
             left = np.array([-along[1], along[0]])
             choices = [v for v in (along, left, -left) if np.abs(at + 20 * v).max() <= 60]
             along = choices[rng.integers(len(choices))]
         at = at + along
-    positions = np.array(positions)
+    positions = np.array(visited)
     loops = revisits(positions, 4.0, 40, 600, rng)
     return noisy(facing(positions), loops, np.repeat(sigma, 3), rng, np.repeat([0.003, 0.03], 3))
 
@@ -375,8 +382,7 @@ def town(seed: int, robots: int, poses: int, loops: int) -> Graph:
     graph = noisy(facing(positions), ends, np.repeat([0.01, 0.1], 3), rng, np.repeat([0.003, 0.03], 3))
     kept = np.ones(len(graph.first), bool)
     kept[: len(robot) - 1] = robot[1:] == robot[:-1]
-    edges = (array[kept] for array in (graph.first, graph.second, graph.T, graph.covariance))
-    return Graph(*edges, robot, graph.truth)
+    return Graph(graph.first[kept], graph.second[kept], graph.T[kept], graph.covariance[kept], robot, graph.truth)
 
 
 MADE: dict[str, Callable[[int], Graph]] = {"lawn": lawn_mower, "streets": streets, "grid": grid, "sphere": sphere}

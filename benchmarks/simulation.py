@@ -26,9 +26,9 @@ from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
 from wiclosure.frontends.kiss_odometry import KissOdometry
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
-from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Trajectory
+from wiclosure.types import Closure, Float32Array, FloatArray, IntArray, KeyframeId, Trajectory
 
 LENGTHS_M = range(100, 801, 100)
 APART_M = (0, 2, 5, 10, 20, 40, np.inf)
@@ -75,22 +75,22 @@ def followed(scenario: Scenario, robot: str, scans: int, settings: OdometrySetti
 
 
 def drift_percent(truth: FloatArray, odometry: FloatArray) -> tuple[float, str]:
-    """Error of displacements, percent of the way, and over what it was taken."""
-    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1))])
+    """Error of displacements, percent of the path, and over what it was taken."""
+    path_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1))])
     errors: list[FloatArray] = []
     for length_m in LENGTHS_M:
         start = np.arange(0, len(truth), 10)
-        end = np.searchsorted(way_m, way_m[start] + length_m)
+        end = np.searchsorted(path_m, path_m[start] + length_m)
         start, end = start[end < len(truth)], end[end < len(truth)]
         errors.append(_displacement_error(truth, odometry, start, end) / length_m)
     found = np.concatenate(errors)
     if len(found):
-        return 100 * float(found.mean()), f"{len(found)} segments of 100-{min(int(way_m[-1]), 800)} m"
+        return 100 * float(found.mean()), f"{len(found)} segments of 100-{min(int(path_m[-1]), 800)} m"
     whole = _displacement_error(truth, odometry, np.array([0]), np.array([len(truth) - 1]))
-    return 100 * float(whole[0] / way_m[-1]), f"end of {way_m[-1]:.0f} m"
+    return 100 * float(whole[0] / path_m[-1]), f"end of {path_m[-1]:.0f} m"
 
 
-def _displacement_error(truth: FloatArray, odometry: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+def _displacement_error(truth: FloatArray, odometry: FloatArray, start: IntArray, end: IntArray) -> FloatArray:
     apart = se3.between(se3.between(truth[start], truth[end]), se3.between(odometry[start], odometry[end]))
     return np.asarray(np.linalg.norm(apart[:, :3, 3], axis=1))
 
@@ -99,7 +99,7 @@ def distances_apart(drive: Views) -> list[FloatArray]:
     """Scan context distances within one drive, for each range of `APART_M`."""
     spectra = ColumnSpectra.of(drive.descriptors)
     i, j = np.triu_indices(len(drive.descriptors), 1)
-    distance, _ = compare(spectra, spectra, i, j)
+    distance, _ = compare_descriptors(spectra, spectra, i, j)
     apart_m = np.linalg.norm(drive.positions[i] - drive.positions[j], axis=1)
     return [distance[(apart_m >= low) & (apart_m < high)] for low, high in pairwise(APART_M)]
 
@@ -107,7 +107,7 @@ def distances_apart(drive: Views) -> list[FloatArray]:
 def distances_between(first: Float32Array, second: Float32Array) -> FloatArray:
     """Scan context distances between keyframes of two different places."""
     i, j = np.meshgrid(np.arange(len(first)), np.arange(len(second)), indexing="ij")
-    return compare(ColumnSpectra.of(first), ColumnSpectra.of(second), i.ravel(), j.ravel())[0]
+    return compare_descriptors(ColumnSpectra.of(first), ColumnSpectra.of(second), i.ravel(), j.ravel())[0]
 
 
 def recorded_team_error() -> tuple[int, float, float]:

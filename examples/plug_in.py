@@ -50,7 +50,10 @@ result = make_filter("wiclosure").candidates(trajectories, wireless)
 for pairs in result.pairs:
     print(f"{pairs.robot_a} and {pairs.robot_b}: compare {len(pairs)} of {result.pairs_total} pairs")
     best = np.argsort(-pairs.overlap_probability)[:3]
-    T_a_b, covariance = pairs.predicted(best)
+    predicted = pairs.predicted(best)
+    if predicted is None:  # the radio cannot tell how these two lie: every pair is kept, and the diagnosis says why
+        continue
+    T_a_b, covariance = predicted
     for row, T, C in zip(best, T_a_b, covariance, strict=True):
         print(
             f"  keyframes {pairs.index_a[row]} and {pairs.index_b[row]}:"

@@ -28,7 +28,7 @@ _FEWEST_POINTS = 100
 
 
 class OdometryRun:
-    """Takes one robot's scans one by one; what it keeps grows with the keyframes only (and one pose a scan).
+    """Takes one robot's scans one by one; what it keeps grows with the keyframes only (and one pose per scan).
 
     Args:
         settings: of odometry.

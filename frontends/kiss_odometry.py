@@ -58,7 +58,7 @@ class KissOdometry:
 
     @property
     def thinned(self) -> FloatArray:
-        """The last scan's points as they went into the map: `(M, 3)`, one a voxel of half `voxel_size_m`.
+        """The last scan's points as they went into the map: `(M, 3)`, one per voxel of half `voxel_size_m`.
 
         Raises:
             ValueError: no scan was registered yet.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
 from wiclosure.frontends.config import MatchingSettings
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, ring_keys
 from wiclosure.types import (
     CandidatePairs,
     Closure,
@@ -81,9 +81,9 @@ def match(
     near = _nearest_by_ring_key(pairs, descriptors_a, descriptors_b, settings)
     a, b = pairs.index_a[near], pairs.index_b[near]
     spectra_b = ColumnSpectra.of(descriptors_b)
-    distance, yaw = compare(ColumnSpectra.of(descriptors_a), spectra_b, a, b)
+    distance, yaw = compare_descriptors(ColumnSpectra.of(descriptors_a), spectra_b, a, b)
     for shifted in shifted_a:
-        from_there, yaw_there = compare(ColumnSpectra.of(shifted), spectra_b, a, b)
+        from_there, yaw_there = compare_descriptors(ColumnSpectra.of(shifted), spectra_b, a, b)
         nearer = from_there < distance
         distance[nearer], yaw[nearer] = from_there[nearer], yaw_there[nearer]
     limit = settings.max_distance if pairs.predicts is None else settings.max_distance_with_prediction

@@ -17,7 +17,7 @@ _LEVEL_GROUND = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class CloudLevel:
     """A cloud at one resolution, with normals, covariances and a search tree (objects of small_gicp)."""
 
     cloud: Any
@@ -47,7 +47,7 @@ class PreparedCloud:
     """
 
     voxel_m: float
-    levels: tuple[Level, ...]
+    levels: tuple[CloudLevel, ...]
     structure: FloatArray
     free_space: FreeSpace
 
@@ -56,7 +56,7 @@ class PreparedCloud:
         """Prepares a cloud `(N, 3)` in the body's axes."""
         points = np.asarray(cloud, np.float64)
         levels = tuple(
-            Level(*small_gicp.preprocess_points(points, size, num_neighbors=_NEIGHBOURS, num_threads=num_threads))
+            CloudLevel(*small_gicp.preprocess_points(points, size, num_neighbors=_NEIGHBOURS, num_threads=num_threads))
             for size in voxel_sizes_m
         )
         upright = np.abs(np.asarray(levels[-1].cloud.normals())[:, 2]) < _LEVEL_GROUND

@@ -43,7 +43,7 @@ class RecordedOdometry:
 
     @property
     def thinned(self) -> Float32Array:
-        """The last scan's points, one a voxel as fine as KISS-ICP's map.
+        """The last scan's points, one per voxel as fine as KISS-ICP's map.
 
         Raises:
             ValueError: no scan was registered yet.

@@ -10,7 +10,7 @@ import small_gicp
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.prepared_cloud import Level, PreparedCloud
+from wiclosure.frontends.prepared_cloud import CloudLevel, PreparedCloud
 from wiclosure.frontends.registration_result import RegistrationResult, gicp_covariance
 from wiclosure.types import FloatArray
 
@@ -108,7 +108,9 @@ class CoarseToFineGicp:
             max_iterations=self._ITERATIONS,
         )
 
-    def _best_distinct(self, query: Level, match: Level, poses: list[FloatArray], voxel_m: float) -> list[FloatArray]:
+    def _best_distinct(
+        self, query: CloudLevel, match: CloudLevel, poses: list[FloatArray], voxel_m: float
+    ) -> list[FloatArray]:
         """The best few poses at the coarse level, one of each group of alike ones."""
         limit_m = self._VOXELS[0] * 2 * voxel_m
         scores = []

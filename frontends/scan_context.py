@@ -126,7 +126,7 @@ class ColumnSpectra:
         return int(self.occupied.shape[1])
 
 
-def compare(
+def compare_descriptors(
     query: ColumnSpectra, match: ColumnSpectra, index_query: IntArray, index_match: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distance `(M,)` in [0, 1] at the best shift (paper, eq. 7), and yaw `(M,)` of the match's body in the query's.

@@ -27,12 +27,41 @@ from wiclosure.frontends.config import (
 )
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.presets import Layer, read_layers
-from wiclosure.pipeline.runtime.settings_text import explain, merge, nest, nested_words
+from wiclosure.pipeline.runtime.settings_text import explain, merged_settings, nest, nested_words
 from wiclosure.settings import Settings
 from wiclosure.wiclosure_filter.config import FilterSettings
 
 ENVIRONMENT_PREFIX = "WICLOSURE_"
 NOT_SETTINGS = {"WICLOSURE_DATA", "WICLOSURE_CACHE", "WICLOSURE_CACHE_GB"}
+
+
+class MutualCheckSettings(Settings):
+    """Radio against closures that contradict it: which of the two is wrong, by the odds."""
+
+    enabled: bool = Field(True, description="false: what contradicts the radio is rejected, whatever speaks for it")
+    systematic_error: float = Field(
+        0.05,
+        gt=0,
+        lt=0.5,
+        description="probability that a log has one of the known systematic errors (clock, units, axes, mounting, ids):"
+        " of logs that somebody records for the first time, about one in twenty",
+    )
+    unknown_error: float = Field(
+        0.001,
+        gt=0,
+        lt=0.5,
+        description="probability of an error that is none of these and yet fits another alignment, as one reflection"
+        " along a whole street does",
+    )
+    decisive_odds: float = Field(
+        10.0, gt=1, description="odds from which one side wins; below, nothing of the pair of robots is accepted"
+    )
+    budget: int = Field(
+        40,
+        ge=0,
+        description="look-alike pairs of two robots that are registered without prediction where hardly anything agrees"
+        " with the predictions: spread over the paths, enough to find a set, seconds to register; 0: none",
+    )
 
 
 class Config(Settings):
@@ -47,6 +76,7 @@ class Config(Settings):
     matching: MatchingSettings = MatchingSettings()
     revisits: IntraRobotLoopSettings = IntraRobotLoopSettings()
     registration: RegistrationSettings = RegistrationSettings()
+    mutual_check: MutualCheckSettings = MutualCheckSettings()
     pcm: PcmSettings = PcmSettings()
     pose_graph: PoseGraphSettings = PoseGraphSettings()
     graphs: GraphFileSettings = GraphFileSettings()
@@ -74,7 +104,7 @@ def load_config(
     layers.append(Layer("--set", nested_words(overrides, "--set")))
     merged: dict[str, Any] = {}
     for place, layer in layers:
-        merged = merge(merged, layer)
+        merged = merged_settings(merged, layer)
         # Validated layer by layer, so that an error names the place that brought it.
         try:
             config = Config.model_validate(merged)
@@ -116,7 +146,7 @@ def _from_environment(environment: Mapping[str, str]) -> dict[str, Any]:
     for name in sorted(environment):
         if name.startswith(ENVIRONMENT_PREFIX) and name not in NOT_SETTINGS:
             keys = name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")
-            nested = merge(nested, nest(keys, environment[name]))
+            nested = merged_settings(nested, nest(keys, environment[name]))
     return nested
 
 

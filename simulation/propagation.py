@@ -36,7 +36,7 @@ class Propagation(Protocol):
         ...
 
 
-class FreeSpace:
+class Unobstructed:
     """Nothing in between, nothing that mirrors."""
 
     def blocked(self, receiver_m: FloatArray, transmitter_m: FloatArray) -> NDArray[np.bool_]:
@@ -64,7 +64,7 @@ class InScene:
         """See `Propagation`; both legs of a path must be free."""
         walls = self.scene.reflectors
         if not walls or len(receiver_m) == 0:
-            return FreeSpace().reflections(receiver_m, transmitter_m)
+            return Unobstructed().reflections(receiver_m, transmitter_m)
         # One wall after another over all transmissions: memory stays that of the transmissions.
         found = [_mirrored(wall, receiver_m, transmitter_m) for wall in walls]
         transmission = np.concatenate([rows for rows, _, _ in found])

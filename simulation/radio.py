@@ -18,7 +18,7 @@ from pydantic import Field
 from wiclosure import se3
 from wiclosure.errors import ConfigError
 from wiclosure.settings import Settings
-from wiclosure.simulation.propagation import FreeSpace, InScene, Propagation
+from wiclosure.simulation.propagation import InScene, Propagation, Unobstructed
 from wiclosure.simulation.scene import Scene
 from wiclosure.simulation.schedule import LinkWindow, link_is_up
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, IntArray, Trajectory, WirelessLog
@@ -83,7 +83,7 @@ def simulate_wireless_from_poses(
     ground_truth: Mapping[str, Trajectory], settings: RadioSettings, seed: int
 ) -> WirelessLog:
     """The radio of robots whose true poses in one frame are known, in free space with random false paths."""
-    return _simulate(ground_truth, FreeSpace(), settings, seed)
+    return _simulate(ground_truth, Unobstructed(), settings, seed)
 
 
 def simulate_wireless(
@@ -211,47 +211,39 @@ def _profiles(
     else:
         paths = np.full(count, settings.paths)
     false_paths = paths - direct
-    mirrored = FreeSpace().reflections(heard.receiver_m, heard.transmitter_m)
+    mirrored = Unobstructed().reflections(heard.receiver_m, heard.transmitter_m)
     if settings.reflections:
         mirrored = propagation.reflections(heard.receiver_m, heard.transmitter_m)
-    return [
-        _profile(
-            heard,
-            row,
-            bool(direct[row]),
-            int(false_paths[row]),
-            mirrored.virtual_m[mirrored.transmission == row],
-            settings,
-            rng,
-        )
-        for row in range(count)
-    ]
+    found = []
+    for row in range(count):
+        virtual_m = mirrored.virtual_m[mirrored.transmission == row]
+        direction, gain = _arrivals(heard, row, virtual_m, (int(direct[row]), int(false_paths[row])), rng)
+        found.append(_as_paths(direction, gain, settings, rng))
+    return found
 
 
-def _profile(
-    heard: _Transmissions,
-    row: int,
-    direct: bool,
-    false_paths: int,
-    virtual_m: FloatArray,
-    settings: RadioSettings,
-    rng: np.random.Generator,
-) -> tuple[AoaPath, ...]:
-    """One profile: the direct path if it is there, the strongest mirrored ones, diffuse ones for the rest."""
+def _arrivals(
+    heard: _Transmissions, row: int, virtual_m: FloatArray, paths: tuple[int, int], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Directions `(P, 3)` in the axes of the measurement, and gains `(P,)`, of one profile.
+
+    `paths` are numbers of direct ones, 0 or 1, and of false ones: first mirrored, then diffuse.
+    """
+    direct, false_paths = paths
     true = heard.transmitter_m[row] - heard.receiver_m[row]
     mirrored = virtual_m - heard.receiver_m[row]
     mirrored = mirrored[np.argsort(np.linalg.norm(mirrored, axis=1))][:false_paths]
     around = rng.uniform(-np.pi, np.pi, false_paths - len(mirrored))
     diffuse = np.stack([np.cos(around), np.sin(around), rng.normal(0.0, 0.1, len(around))], axis=1)
-    direction = np.vstack([true[None][: int(direct)], mirrored, diffuse])
+    direction = np.vstack([true[None][:direct], mirrored, diffuse])
     gain = np.concatenate(
         [
-            np.full(int(direct), _BLOCKED_GAIN if heard.blocked[row] else 1.0),
+            np.full(direct, _BLOCKED_GAIN if heard.blocked[row] else 1.0),
             _MIRROR_GAIN * (true @ true) / np.maximum(np.einsum("ij,ij->i", mirrored, mirrored), 1e-6),
             np.full(len(diffuse), _DIFFUSE_GAIN),
         ]
     )
-    return _as_paths(direction @ heard.R_axes_world[row].T, gain, settings, rng)
+    return direction @ heard.R_axes_world[row].T, gain
 
 
 def _as_paths(

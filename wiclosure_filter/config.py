@@ -21,6 +21,12 @@ class RadioModel(Settings):
     )
     range_bias_m: float = Field(1.0, ge=0.0, description="m, mean and spread of that excess")
     range_reach_m: float = Field(200.0, gt=0.0, description="m, gross range errors spread this far")
+    direct_path_absent_at_worst: float = Field(
+        0.3, ge=0.0, lt=1.0, description="the same behind walls; 0.23 to 0.29 in WSR data sets without line of sight"
+    )
+    range_outlier_at_worst: float = Field(
+        0.15, ge=0.0, lt=1.0, description="probability of a gross range error behind walls"
+    )
     static_radius_m: float = Field(
         1.0,
         ge=0.0,
@@ -43,6 +49,13 @@ class AmbiguitySettings(Settings):
         ge=0.0,
         description="measured numbers beyond those that the alignment needs; a chance agreement has few to spare",
     )
+    min_fit_probability: float = Field(
+        0.01,
+        ge=0.0,
+        lt=1.0,
+        description="chance that an honest radio behind walls agrees as little as an alignment that may be certain; 0:"
+        " never asked",
+    )
     max_yaw_sigma_rad: float = Field(0.35, gt=0.0, description="rad; beyond it errors are no longer Gaussian")
     max_relative_sigma: float = Field(
         0.25, gt=0.0, description="position sigma at the links over the distance of the links; beyond it likewise"
@@ -52,6 +65,16 @@ class AmbiguitySettings(Settings):
         gt=0.0,
         description="alignments that differ by less (over the links' distance) are one: the covariance covers it",
     )
+
+
+class CalibrationPriors(Settings):
+    """How large constant errors usually are (standard deviations); those beyond three of them are faults."""
+
+    range_bias_m: float = Field(0.3, gt=0.0, description="m, of UWB ranges: antenna delays (0.35 in recordings)")
+    range_scale: float = Field(0.01, gt=0.0, description="ratio by which ranges are longer than odometry has them")
+    clock_s: float = Field(0.1, gt=0.0, description="s between two robots' clocks: network time over a busy radio")
+    mounting_rad: float = Field(0.05, gt=0.0, description="rad, by which an antenna array is mounted turned")
+    scale: float = Field(0.02, gt=0.0, description="ratio by which odometry is too long or too short")
 
 
 class AlignmentSettings(Settings):
@@ -81,9 +104,12 @@ class AlignmentSettings(Settings):
         10.0, gt=0.0, description="m; prior on the difference in height of robots that the radio does not tell, at most"
     )
     height_ratio: float = Field(
-        0.1,
+        0.02,
         gt=0.0,
-        description="the same prior over the distance, as roads are not steep; not where the radio tells heights",
+        description="the same prior over the distance, at least: the ground's slope where odometry has seen none",
+    )
+    height_floor_m: float = Field(
+        0.5, gt=0.0, description="m, the same prior for robots side by side: kerbs, ramps, antennas on other masts"
     )
     tilt_sigma_rad: float = Field(
         0.3, gt=0.0, description="rad; prior on roll and pitch between the frames, where gravity_aligned is false"
@@ -100,6 +126,7 @@ class AlignmentSettings(Settings):
     )
     max_pcm_links: int = Field(600, ge=2, description="links in the consistency graph; the most certain are kept")
     guard: AmbiguitySettings = AmbiguitySettings()
+    calibration: CalibrationPriors = CalibrationPriors()
 
 
 class SharedTrajectorySettings(Settings):
@@ -214,6 +241,11 @@ class FilterSettings(Settings):
         " rejected where the links give these odds against the alignment that they imply; null: none are (the paper)."
         " Needs level frames, and robots that heard each other. Where odometry drifts as its model says, 98 % of the"
         " true ones or more stay below",
+    )
+    accept_correction: bool = Field(
+        default=False,
+        description="where a systematic error of the log explains the measurements far better than what the log claims"
+        " (azimuths clockwise, ranges in feet, clocks apart): correct it, and go on; false: name it only",
     )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()

@@ -24,6 +24,8 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
@@ -64,6 +66,8 @@ class WiClosureFilter:
         links = self.gather(trajectories, wireless).by_pair
         # 2. How do the odometry frames lie?  Rejects multipath, and says where the radio cannot tell.
         alignments = self.align(trajectories, links)
+        # Where measurements do not fit: is there a systematic error that explains them?
+        links, alignments = self.diagnosed(trajectories, wireless, links, alignments)
         # 3. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = self.share(trajectories, links, list(alignments.values()))
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
@@ -120,6 +124,29 @@ class WiClosureFilter:
             for pair, between in links.items()
             if between.heard
         }
+
+    def diagnosed(
+        self,
+        trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
+        links: Mapping[RobotPair, Links],
+        alignments: Mapping[RobotPair, FrameAlignment],
+    ) -> tuple[dict[RobotPair, Links], dict[RobotPair, FrameAlignment]]:
+        """Names the likeliest systematic error where measurements do not fit; corrects it if that is accepted."""
+        settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
+        for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
+            alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
+        mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
+        for pair, alignment in list(alignments.items()):
+            if mixed_up is None and not alignment.suspected_fault:
+                continue
+            fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
+            alignments[pair] = with_fault(alignment, fault)
+            if fault is not None and fault.of_log and self.settings.accept_correction:
+                links[pair] = self.gather(*fault.apply((trajectories, wireless))).by_pair[pair]
+                corrected = align(links[pair], trajectories, settings)
+                alignments[pair] = replace(corrected, corrections=(fault.fault,))
+        return links, alignments
 
     def share(
         self,
@@ -189,6 +216,8 @@ class WiClosureFilter:
             return {}
         found = {}
         for alignment in alignments:
+            if alignment.suspected_fault:
+                continue  # what seems to be wrong contradicts nothing
             pair = (alignment.robot_a, alignment.robot_b)
             check = RadioConsistencyCheck.of(alignment, links[pair], trajectories, self.settings.alignment, max_odds)
             if check is not None:
@@ -206,6 +235,8 @@ class WiClosureFilter:
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._outcome(kept, alignment)}")
+            elif alignment is not None and alignment.corrections:
+                sentences.append(f"{pair[0]} and {pair[1]}: corrected: {'; '.join(alignment.corrections)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)

@@ -26,6 +26,7 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
+from wiclosure.wiclosure_filter.plot_residuals import draw_circles, draw_fit
 from wiclosure.wiclosure_filter.search.ball_probability import principal_axes
 from wiclosure.wiclosure_filter.search.gates import Gate, make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
@@ -90,14 +91,15 @@ def draw_pair(
     links: Links,
     gate: GateSettings,
 ) -> Figure:
-    """Links, shared trajectory, kept pairs and the steps of the search for two robots."""
+    """Links, shared trajectory, kept pairs, the steps of the search, and how the measurements fit, for two robots."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(18, 10), layout="constrained")
-    grid = figure.add_gridspec(2, 12)
+    figure = Figure(figsize=(18, 14), layout="constrained")
+    grid = figure.add_gridspec(3, 12)
     top = [figure.add_subplot(grid[0, 4 * i : 4 * i + 4]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(SEARCH_PANELS)]
     _draw_links(top[0], links, alignment, trajectories)
+    draw_fit((figure.add_subplot(grid[2, :6]), figure.add_subplot(grid[2, 6:])), links, alignment)
     model = _model(pairs)
     if model is None:
         for axes in (*top[1:], *bottom):
@@ -133,6 +135,8 @@ def _draw_links(
     kept, rejected = _path_lines(heard, best, T_a_b)
     _lines(axes, rejected, REJECTED, "rejected paths")
     _lines(axes, kept, KEPT, "kept paths")
+    if best is not None and not heard.has_bearing.any():
+        draw_circles(axes, heard)
     _road(axes, positions_a, COLOR_A, heard.robot_a)
     _road(axes, positions_b, COLOR_B, heard.robot_b)
     reason = "no alignment" if alignment is None else alignment.reason

@@ -84,7 +84,7 @@ def write_g2o(
         poses = zip(numbers[robot].tolist(), form.poses(trajectory.poses), strict=True)
         lines += [f"{form.vertex} {number} {pose}" for number, pose in poses]
     lines += [f"FIX {numbers[component[0]][0]}" for component in result.components]
-    lines += [*_without_edges(result), *_believed(result, numbers, form), *_rejected(result, numbers, form)]
+    lines += [*_without_edges(result), *_accepted(result, numbers, form), *_rejected(result, numbers, form)]
     try:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
@@ -108,7 +108,7 @@ def _without_edges(result: GraphResult) -> Iterator[str]:
         yield f"# {count} ranges and bearings, and what gravity tells, are not in this file: g2o has no edges for them"
 
 
-def _believed(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form) -> Iterator[str]:
+def _accepted(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form) -> Iterator[str]:
     """Odometry, then each accepted closure after a comment that says why."""
     keys = Keys(tuple(result.trajectories))
     vertex = {keys(r, n): number for r, own in numbers.items() for n, number in enumerate(own.tolist())}

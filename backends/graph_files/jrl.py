@@ -61,7 +61,7 @@ def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
 
 def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, Vertex]:
     """Adds all relative poses with their labels; returns priors of poses by key."""
-    doubtful, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
+    uncertain, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
     priors: dict[int, Vertex] = {}
     records.planar = True
     for factor, measurement in _measurements(log["measurements"]):
@@ -70,7 +70,7 @@ def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, V
         planar = kind.endswith("Pose2")
         if kind in RELATIVE_POSES:
             records.planar &= planar
-            records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, doubtful, false))
+            records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, uncertain, false))
         elif kind in PRIORS:
             vertex = _vertex(place, measurement["prior"], measurement["key"], planar=planar)
             priors.setdefault(vertex.key, vertex)
@@ -159,12 +159,12 @@ def _information(covariance: Json, *, planar: bool) -> FloatArray:
 def _labelled(
     edge: Edge,
     factor: tuple[str, int, int],
-    doubtful: set[tuple[str, int, int]] | None,
+    uncertain: set[tuple[str, int, int]] | None,
     false: set[tuple[str, int, int]] | None,
 ) -> Edge:
     return replace(
         edge,
         factor=factor,
-        may_be_false=None if doubtful is None else factor in doubtful,
+        may_be_false=None if uncertain is None else factor in uncertain,
         is_false=None if false is None else factor in false,
     )

@@ -49,7 +49,7 @@ app.add_typer(radio_commands.app, name="radio")
 app.command("eval")(commands.eval_command)
 app.command("report")(report_command.report)
 app.command("info")(data_commands.info)
-app.command("dump-config")(commands.dump_config)
+app.command("dump-config")(commands.dump_config_command)
 app.command("cache")(cache_command.cache)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import Json, NewFolder, Overwrite, Salvage
+from wiclosure.pipeline.cli.options import AsJson, NewFolder, Overwrite, Salvage
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.data.dataset import Dataset
@@ -89,7 +89,7 @@ def info(
         ),
     ],
     salvage: Salvage = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what a recording, data set, radio log or folder of them holds, and what of it a run would use.
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import ConfigName, Json, Quiet, Result, Set, grouped
+from wiclosure.pipeline.cli.options import AsJson, ConfigName, Quiet, Result, Set, grouped
 
 
 @grouped
@@ -24,7 +24,7 @@ def optimize(
     config: ConfigName = None,
     set_: Set = None,
     quiet: Quiet = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
     result: Result,
 ) -> None:
     """Merge several robots' pose graphs, false closures or not: consistency check, then robust estimate.

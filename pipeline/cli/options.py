@@ -50,11 +50,22 @@ WIRELESS_HELP = (
 Wireless = Annotated[
     list[str] | None, typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP, show_default=False)
 ]
+AcceptCorrection = Annotated[
+    bool,
+    typer.Option(
+        "--accept-correction", help="correct a systematic error of the wireless log that the filter finds, and go on"
+    ),
+]
 NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace the result if it exists")]
 Salvage = Annotated[bool, typer.Option("--salvage", help="read damaged bags as far as possible")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bars and no table")]
-Json = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
+AsJson = Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")]
+
+
+def with_accepted_correction(set_: list[str] | None, *, accept: bool) -> list[str] | None:
+    """Single settings, with that of `--accept-correction`."""
+    return [*(set_ or []), "filter.accept_correction=true"] if accept else set_
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +86,7 @@ class Configuration:
     config: ConfigName = None
     set_: Set = None
     seed: Annotated[int | None, typer.Option("--seed", help="seed of the random filter; nothing else is random")] = None
+    accept_correction: AcceptCorrection = False
 
     def resolved(self, *, preset: str | None = None, use_filter: str | None = None) -> Config:
         """The configuration: the file, a preset laid over it, then single settings.
@@ -84,7 +96,13 @@ class Configuration:
         """
         from wiclosure.pipeline.config import resolve
 
-        return resolve(self.config, self.set_, preset=preset, seed=self.seed, use_filter=use_filter)
+        return resolve(
+            self.config,
+            with_accepted_correction(self.set_, accept=self.accept_correction),
+            preset=preset,
+            seed=self.seed,
+            use_filter=use_filter,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +142,7 @@ class Working:
     ] = 1
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False
     quiet: Quiet = False
-    as_json: Json = False
+    as_json: AsJson = False
 
     @property
     def progress(self) -> Progress:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import WIRELESS_HELP, Json, Overwrite, Salvage
+from wiclosure.pipeline.cli.options import WIRELESS_HELP, AsJson, Overwrite, Salvage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ def info(
     ] = None,
     presets: Annotated[bool, typer.Option("--presets", help="list the presets instead")] = False,
     salvage: Salvage = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what a radio log holds: pairs, ranges, bearings, times, and what is left out of it and why.
 
@@ -116,7 +116,7 @@ def check(
     ] = None,
     trajectory: Trajectories = None,
     salvage: Salvage = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Hold a radio log against trajectories: units, clock, gaps, axes; what is suspected, and the key that corrects it.
 

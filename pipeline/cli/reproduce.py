@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wiclosure.pipeline.cli.options import Result, Set, Working, grouped
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.comparison.experiments import Experiment
+    from wiclosure.pipeline.comparison.outcomes import Comparison
 
 
 @grouped
@@ -35,9 +39,6 @@ def reproduce(
 
       wiclosure reproduce kitti08 --poses 08.txt
     """
-    from rich.console import Console
-
-    from wiclosure.pipeline.cli.comparison_tables import reproduction_table
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.comparison import reproduction as reproducing
     from wiclosure.pipeline.comparison.arms import compare
@@ -50,13 +51,24 @@ def reproduce(
         compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
         write_comparison(scratch, compared)
         write_comparison_page(scratch, compared)
-        (scratch / "reproduce.md").write_text(reproducing.report(chosen, compared, n_scans), encoding="utf-8")
+        (scratch / "reproduce.md").write_text(
+            reproducing.reproduction_report(chosen, compared, n_scans), encoding="utf-8"
+        )
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:
-        for preset, (header, rows) in reproducing.tables(chosen, compared).items():
-            title = f"{chosen.title}; back end {preset}"
-            Console().print(reproduction_table(title, header, rows))
-        for sentence in (*reproducing.verdicts(compared), *chosen.contradictions):
-            Console().print(f"- {sentence}")
-        Console().print(f"report, tables and pictures in {folder}")
+        _show(chosen, compared, folder)
+
+
+def _show(chosen: Experiment, compared: Comparison, folder: Path) -> None:
+    """Tables and sentences for the terminal."""
+    from rich.console import Console
+
+    from wiclosure.pipeline.cli.comparison_tables import reproduction_table
+    from wiclosure.pipeline.comparison.reproduction import tables, verdicts
+
+    for preset, (header, rows) in tables(chosen, compared).items():
+        Console().print(reproduction_table(f"{chosen.title}; back end {preset}", header, rows))
+    for sentence in (*verdicts(compared), *chosen.contradictions):
+        Console().print(f"- {sentence}")
+    Console().print(f"report, tables and pictures in {folder}")

@@ -13,11 +13,12 @@ import typer
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
     WIRELESS_HELP,
+    AcceptCorrection,
+    AsJson,
     ConfigName,
     Configuration,
     Data,
     FilterName,
-    Json,
     Overwrite,
     Quiet,
     Reading,
@@ -25,6 +26,7 @@ from wiclosure.pipeline.cli.options import (
     Set,
     Working,
     grouped,
+    with_accepted_correction,
 )
 
 if TYPE_CHECKING:
@@ -121,8 +123,9 @@ def filter_command(
     filter_name: FilterName = None,
     config: ConfigName = None,
     set_: Set = None,
+    accept_correction: AcceptCorrection = False,
     quiet: Quiet = False,
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
 
@@ -139,7 +142,8 @@ def filter_command(
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    settings = resolve(config, set_, use_filter=filter_name)
+    single = with_accepted_correction(set_, accept=accept_correction)
+    settings = resolve(config, single, use_filter=filter_name)
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
         logs = sources_of_words(wireless)
@@ -152,7 +156,7 @@ def filter_command(
 
 def eval_command(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
-    as_json: Json = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
     from rich.console import Console
@@ -171,7 +175,7 @@ def eval_command(
         Console().print(trajectory_table(errors))
 
 
-def dump_config(
+def dump_config_command(
     config: ConfigName = None,
     set_: Set = None,
     presets: Annotated[bool, typer.Option("--presets", help="list the names of the presets instead")] = False,

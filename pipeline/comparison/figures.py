@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
-from wiclosure.pipeline.comparison.statistics import Better, Paired, Spread, paired, spread
+from wiclosure.pipeline.comparison.statistics import Better, Paired, Spread, paired, spread_of
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 CLOSING = ("filter", "matching", "verification", "optimisation")
@@ -122,7 +122,7 @@ def _summary(preset: str, name: str, outcomes: Sequence[Outcome], base: Sequence
     base_of = {o.seed: o.metrics for o in base}
     compared_to = [(o.metrics, base_of[o.seed]) for o in outcomes if o.seed in base_of]
     savings = [saved for own, of_base in compared_to if (saved := saving_percent(own, of_base)) is not None]
-    spreads = {key: spread(list(_values(figure, outcomes).values())) for key, figure in FIGURES.items()}
+    spreads = {key: spread_of(list(_values(figure, outcomes).values())) for key, figure in FIGURES.items()}
     compared = {
         key: paired(_values(figure, outcomes), _values(figure, base), figure.better)
         for key, figure in FIGURES.items()
@@ -133,7 +133,7 @@ def _summary(preset: str, name: str, outcomes: Sequence[Outcome], base: Sequence
         filter=name,
         runs=len(outcomes),
         figures={key: found for key, found in spreads.items() if found is not None},
-        saving_percent=None if is_base else spread(savings),
+        saving_percent=None if is_base else spread_of(savings),
         against_base={key: found for key, found in compared.items() if found.pairs},
         seconds=_medians([o.metrics["seconds"] for o in outcomes]),
         seconds_spent=_medians([o.metrics["seconds_spent"] for o in outcomes]),
@@ -147,5 +147,5 @@ def _values(figure: Figure, outcomes: Sequence[Outcome]) -> dict[int, float]:
 
 
 def _medians(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    found = {stage: spread([run[stage] for run in runs]) for stage in runs[0]}
+    found = {stage: spread_of([run[stage] for run in runs]) for stage in runs[0]}
     return {stage: spread_s.median for stage, spread_s in found.items() if spread_s is not None}

@@ -21,9 +21,8 @@ def write_comparison_page(folder: Path, comparison: Comparison) -> None:
         OutputError: it cannot be written.
     """
     first = comparison.outcomes[0].seed
-    several = len(comparison.plan.configs) > 1
     shown = [
-        Arm(f"{o.preset} {o.filter}" if several else o.filter, folder / o.folder)
+        Arm(_arm_name(comparison, o.preset, o.filter), folder / o.folder)
         for o in comparison.outcomes
         if o.seed == first
     ]
@@ -33,13 +32,26 @@ def write_comparison_page(folder: Path, comparison: Comparison) -> None:
 def summary_of(comparison: Comparison) -> dict[str, Any]:
     """What was compared, what the filter was worth, and the tables of all arms and runs."""
     arms = summaries(comparison)
-    return {"of": _title(comparison), "verdict": verdict(comparison, arms), "tables": _tables(comparison, arms)}
+    return {
+        "of": _title(comparison),
+        "verdict": verdict(comparison, arms),
+        "tables": _tables(comparison, arms),
+        "look_at": _arm_name(comparison, next(iter(comparison.plan.configs)), _judged(comparison)),
+    }
+
+
+def _judged(comparison: Comparison) -> str:
+    """The filter that the verdict is of: `wiclosure`, or else the last."""
+    return "wiclosure" if "wiclosure" in comparison.plan.filters else comparison.plan.filters[-1]
+
+
+def _arm_name(comparison: Comparison, preset: str, name: str) -> str:
+    return f"{preset} {name}" if len(comparison.plan.configs) > 1 else name
 
 
 def verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
     """What a filter was worth: of the filter `wiclosure`, or else of the last, with the first preset."""
-    presets, filters = list(comparison.plan.configs), comparison.plan.filters
-    name = "wiclosure" if "wiclosure" in filters else filters[-1]
+    presets, filters, name = list(comparison.plan.configs), comparison.plan.filters, _judged(comparison)
     own = {(arm.preset, arm.filter): arm for arm in arms}
     sentences = [_worth(own[preset, name], own[preset, filters[0]], len(presets) > 1) for preset in presets]
     metrics = [o.metrics for o in comparison.arms[presets[0], name]]

@@ -10,7 +10,7 @@ from wiclosure.pipeline.comparison.experiments import EXPERIMENTS, Experiment
 from wiclosure.pipeline.comparison.figures import FIGURES, Figure, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan, scenario_worlds
-from wiclosure.pipeline.comparison.statistics import spread
+from wiclosure.pipeline.comparison.statistics import spread_of
 from wiclosure.pipeline.comparison.tables import markdown, spread_text
 from wiclosure.pipeline.config import resolve
 from wiclosure.pipeline.evaluation.metrics import Metrics
@@ -90,7 +90,7 @@ def verdicts(comparison: Comparison) -> list[str]:
     return [_verdict(preset, name, outcomes) for (preset, name), outcomes in comparison.arms.items()]
 
 
-def report(experiment: Experiment, comparison: Comparison, n_scans: int | None = None) -> str:
+def reproduction_report(experiment: Experiment, comparison: Comparison, n_scans: int | None = None) -> str:
     """`reproduce.md`; `n_scans` is how many of each robot's scans were read at most, if not all."""
     seeds = ", ".join(str(seed) for seed in dict.fromkeys(o.seed for o in comparison.outcomes))
     part_only = "" if n_scans is None else f" Read were the first {n_scans} scans of each robot: not the paper's drive."
@@ -127,7 +127,7 @@ def _rows(experiment: Experiment, comparison: Comparison, preset: str) -> list[l
 
 def _cell(figure: Figure, outcomes: Sequence[Outcome]) -> str:
     known = [value for value in (figure.value(outcome.metrics) for outcome in outcomes) if value is not None]
-    return spread_text(spread(known), figure.form)
+    return spread_text(spread_of(known), figure.form)
 
 
 def _verdict(preset: str, name: str, outcomes: Sequence[Outcome]) -> str:

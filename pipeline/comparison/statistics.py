@@ -50,7 +50,7 @@ class Paired:
     test: str
 
 
-def spread(values: list[float]) -> Spread | None:
+def spread_of(values: list[float]) -> Spread | None:
     """Of one value per run; None without any."""
     if not values:
         return None

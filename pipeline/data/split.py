@@ -37,7 +37,7 @@ HeardBy = Callable[[Dataset], WirelessLog]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DrivePart:
     """Which scans of the drive a robot has, and how its clock was moved.
 
     Args:
@@ -108,7 +108,7 @@ def find_sequence(kitti_dir: Path, sequence: str | None) -> Path:
     raise InputError(f"{kitti_dir} has no KITTI sequence {sequence!r}; it has {known}")
 
 
-def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[str, Part]:
+def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[str, DrivePart]:
     """Parts of equal length in order; neighbours share `overlap` of their length.
 
     Raises:
@@ -127,11 +127,13 @@ def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[s
         first = round(number * length * (1 - overlap))
         last = min(max(round(number * length * (1 - overlap) + length), first + 1), count) - 1
         name = NAMES[number] if number < len(NAMES) else f"robot_{number}"
-        parts[name] = Part(first, last, int(stamps_ns[0] - stamps_ns[first]))
+        parts[name] = DrivePart(first, last, int(stamps_ns[0] - stamps_ns[first]))
     return parts
 
 
-def _write_robot(folder: Path, robot: str, part: Part, source: KittiSource, truth: Trajectory | None) -> RobotRecording:
+def _write_robot(
+    folder: Path, robot: str, part: DrivePart, source: KittiSource, truth: Trajectory | None
+) -> RobotRecording:
     """The robot's KITTI folder and ground truth."""
     scans = folder / robot
     (scans / "velodyne").mkdir(parents=True)
@@ -158,7 +160,7 @@ def _link(file: Path, target: Path) -> None:
     shutil.copyfile(file, target)
 
 
-def _write_record(path: Path, drive: Path, parts: Mapping[str, Part]) -> None:
+def _write_record(path: Path, drive: Path, parts: Mapping[str, DrivePart]) -> None:
     """What was done, so that nobody takes the moved clocks for recorded ones."""
     record = {
         "drive": drive.absolute().name,

@@ -22,7 +22,7 @@ STEP_M = 1.5  # long enough to tell a direction, short enough that odometry does
 FEWEST_STEPS = 8
 SIGMA_M, SIGMA_RAD = 0.02, 0.01  # errors of a step: the relative weight of displacements and rotations
 SAME_AXES_DEG = 10.0  # less is calibration, and left as it is
-CERTAIN_DEG = 2.0  # standard deviation up to which the rotation is believed
+CERTAIN_DEG = 2.0  # standard deviation up to which the rotation is used
 _MISFIT = (
     0.3  # share of the displacements that may stay unexplained: more, and one of the two does not follow the robot
 )

@@ -12,6 +12,7 @@ import numpy as np
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
+from wiclosure.pipeline.report.map_picture import draw_map
 from wiclosure.pipeline.report.pictures import draw_candidates
 from wiclosure.pipeline.report.trajectory_pictures import MergedView, draw_merged, draw_run
 from wiclosure.pipeline.stages.run import RunResult
@@ -84,13 +85,17 @@ def merged_view(result: RunResult) -> MergedView:
 
 
 def illustrate_run(folder: Path, result: RunResult) -> None:
-    """Writes `trajectories.png`, and `candidates_<a>_<b>.png` for the pairs of robots with most candidates.
+    """Writes `trajectories.png`, `map.png`, and `candidates_<a>_<b>.png` for the pairs of robots with most candidates.
 
     Raises:
         OutputError: a picture cannot be written.
     """
     sketch = Sketch.of(result)
     draw_run(folder / "trajectories.png", sketch.view)
+    nowhere = np.zeros((0, 3))
+    connected = result.solution.graph.components[0]
+    paths = {robot: path.positions if robot in connected else nowhere for robot, path in result.merged.items()}
+    draw_map(folder / "map.png", result.merged_map, paths)
     _draw_matrices(folder, {result.solution.filtered.filter_name: sketch})
 
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 INK, FAINT = "#222222", "#9a9a9a"
 MISSED, WASTED, FOUND = "#f2b48c", "#c9d3da", "#0072b2"  # true but not kept, kept but false, true and kept
 TRUE, FALSE = "#0072b2", "#d55e00"
-DPI = 150
+DPI = 190
+_SHRINK = 0.79  # figures are laid out larger than they are drawn: letters stay readable at half the pixels
 
 
 def draw_candidates(
@@ -67,7 +68,7 @@ def draw_candidates(
         axes.imshow(_matrix_colours(near, kept), origin="lower", aspect="auto", interpolation="antialiased")
         marks = _accepted_cells(closures.get(title, ()), a, b)
         axes.scatter(marks[:, 1], marks[:, 0], s=26, marker="x", color=FALSE, linewidths=1.3)
-        axes.set_title(f"{title}: {len(pairs):,} of {kept.size:,} pairs", fontsize=12 if len(arms) <= 3 else 9.5)
+        axes.set_title(f"{title}\n{len(pairs):,} of {kept.size:,} pairs", fontsize=12 if len(arms) <= 3 else 9.5)
         axes.set_xlabel(f"keyframe of {b}")
         axes.tick_params(length=2)
     figure.axes[0].set_ylabel(f"keyframe of {a}")
@@ -78,7 +79,7 @@ def draw_candidates(
     if near.any():
         handles.append(Patch(color=MISSED, label=f"not kept, within {radius_m:g} m"))
     handles.append(Line2D([], [], color=FALSE, marker="x", linestyle="", label="accepted closure"))
-    columns = 4 if len(arms) > 1 else 2  # what fits the width
+    columns = 4 if len(arms) > 2 else 2  # what fits the width
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     save(figure, path)
 
@@ -117,10 +118,10 @@ def robot_colour(number: int) -> str:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches."""
+    """An empty figure of so many inches, as laid out; it is drawn smaller, with as many pixels."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return Figure(figsize=(_SHRINK * width, _SHRINK * height), layout="constrained", facecolor="white")
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -131,6 +132,11 @@ def save(figure: Figure, path: Path) -> None:
     """
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
+        for text in (axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts):
+            text.set_parse_math(False)  # names from recordings are no formulas
+    for legend in figure.legends:
+        for text in legend.get_texts():
+            text.set_parse_math(False)
     try:
         figure.savefig(path, dpi=DPI)
     except OSError as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ class MergedView:
 
     Args:
         odometry: `(N, 2)` m, as recorded, by robot.
-        paths: `(N, 2)` m, merged, by robot; those not connected to the first are missing.
+        paths: `(N, 2)` m, merged, by robot; those not connected to the first are missing, and drawn apart.
         truth: `(N, 2)` m, ground truth by robot.
         closures: `(K, 2, 2)` m, both ends of each accepted closure.
         false: `(K,)` which of them ground truth refutes.
@@ -53,11 +54,13 @@ def draw_run(path: Path, view: MergedView) -> None:
     """
     figure = new_figure(11.0, 5.2)
     before, after = figure.subplots(1, 2)
-    for robot, place in view.odometry.items():
-        _draw_path(before, robot, place, view.colour(robot))
-    before.set_title("before: each robot in its own frame", fontsize=11)
+    _draw_own_frames(before, view, list(view.odometry))
+    before.set_title("before\neach robot in its own frame", fontsize=11)
     _draw_view(after, "after", view)
     _finish(figure)
+    before.set_xlabel("m, from each start")
+    before.set_ylabel("")
+    before.set_yticks([])
     save(figure, path)
 
 
@@ -86,12 +89,31 @@ def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
         axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=3)
     _draw_closures(axes, view.closures[~view.false], INK, ".", "accepted closure")
     _draw_closures(axes, view.closures[view.false], FALSE, "x", "accepted and false")
-    error = "" if view.ate_m is None else f", ATE {view.ate_m:.3g} m"
+    error = "" if view.ate_m is None else ", ATE " + f"{view.ate_m:#.3g}".rstrip(".") + " m"
     false = f", {view.false.sum()} of them false" if view.false.any() else ""
-    axes.set_title(f"{title}: {len(view.closures)} closures{false}{error}", fontsize=11)
+    axes.set_title(f"{title}\n{len(view.closures)} closures{false}{error}", fontsize=11)
     if apart := [robot for robot in view.odometry if robot not in view.paths]:
-        note = f"not connected: {', '.join(apart)}"
-        axes.text(0.02, 0.02, note, transform=axes.transAxes, color=INK, va="bottom")
+        _draw_apart(axes, view, apart)
+
+
+def _draw_own_frames(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
+    """Each robot's odometry from its own start, one below the other: what nothing has brought together yet."""
+    below_m = 0.0
+    for robot in robots:
+        place = view.odometry[robot] - view.odometry[robot][0]
+        height_m = max(float(np.ptp(place[:, 1])), 0.1 * float(np.ptp(place[:, 0])), 1.0)
+        _draw_path(axes, robot, place + np.array([0.0, below_m - place[:, 1].max()]), view.colour(robot))
+        below_m -= 1.15 * height_m
+
+
+def _draw_apart(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
+    """Robots that are not connected, in a box of their own: they have no place in the others' frame."""
+    box = axes.inset_axes((0.6, 0.02, 0.38, 0.4), zorder=6)
+    _draw_own_frames(box, view, robots)
+    box.set(xticks=[], yticks=[], aspect="equal", facecolor="#ffffffe0")
+    box.margins(0.15)
+    title = textwrap.fill(f"not connected: {', '.join(robots)}", 20)
+    box.set_title(title, fontsize=9, color=FALSE, pad=3)
 
 
 def _draw_path(axes: Axes, robot: str, place: FloatArray, colour: str) -> None:
@@ -123,5 +145,5 @@ def _finish(figure: Figure) -> None:
         found |= dict(zip(labels, handles, strict=True))
     for label, marker in (("start", "o"), ("end", "s")):
         found[label] = Line2D([], [], color=FAINT, marker=marker, linestyle="", markeredgecolor="white")
-    columns = min(len(found), 7)
+    columns = min(len(found), 6)
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns, frameon=False)

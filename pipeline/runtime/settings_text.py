@@ -24,7 +24,7 @@ def nested_words(words: Sequence[str], place: str) -> dict[str, Any]:
         path, equals, value = word.partition("=")
         if not equals or not path:
             raise ConfigError(f"{place} {word}: expected key.path=value")
-        nested = merge(nested, nest(path.split("."), value))
+        nested = merged_settings(nested, nest(path.split("."), value))
     return nested
 
 
@@ -40,12 +40,12 @@ def nest(keys: Sequence[str], value: str) -> dict[str, Any]:
     return nested
 
 
-def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def merged_settings(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """`above` laid over `below`, group by group."""
     merged = dict(below)
     for key, value in above.items():
         inner = merged.get(key)
-        merged[key] = merge(inner, value) if isinstance(inner, dict) and isinstance(value, dict) else value
+        merged[key] = merged_settings(inner, value) if isinstance(inner, dict) and isinstance(value, dict) else value
     return merged
 
 

@@ -113,7 +113,7 @@ def _label_scores(merged: Merged) -> LabelScores | None:
 
 
 def _rows(merged: Merged) -> list[dict[str, Any]]:
-    """One row a closure, those that could not be used last."""
+    """One row per closure, those that could not be used last."""
     rows = [_row(merged, c, edge.place) for c, edge in zip(merged.graph.closures, merged.team.edges, strict=True)]
     unknown = dict.fromkeys(("residual_m", "residual_rad"))
     return rows + [

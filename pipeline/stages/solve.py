@@ -12,16 +12,15 @@ import numpy as np
 
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import GraphResult, optimise
-from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
-from wiclosure.frontends.intra_robot_loops import intra_robot_loops
-from wiclosure.frontends.matching import MatchResult, match
+from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.radio_check import radio_checked
+from wiclosure.pipeline.stages.attempts import Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.types import CandidatePairs, Closure, FilterResult, KeyframeId, Stage, WirelessLog, survivors
+from wiclosure.types import Closure, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)
 
@@ -63,64 +62,33 @@ def solve(
     registrations: RegistrationPool,
     progress: Progress,
 ) -> Solution:
-    """Filter, match, register, check by radio, check consistency, optimise."""
+    """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
-
-    filtered = candidate_filter.candidates(keyframes, wireless)
-    own = [intra_robot_loops(k, config.revisits) for k in keyframes.values()] if config.revisits.enabled else []
-    candidates = (*filtered.pairs, *own)
+    attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress)
+    attempt, judged = attempts.settled(wireless)
     took = Stopwatch()
-    with took.time("matching"):
-        matched = _match(candidates, fronts, config)
-    proposed = [closure for result in matched for closure in result.closures]
-    with took.time("verification"):
-        registered, uncached_registration_s = registrations.register(proposed, progress)
-    with took.time("check"):
-        checked = radio_checked(registered, filtered.checks)
     with took.time("optimisation"):
-        consistent = pairwise_consistent(checked, keyframes, config.pcm)
-        graph = optimise(keyframes, consistent.closures, config.pose_graph.scaled(consistent.scale), filtered.links)
+        consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
+        settings = config.pose_graph.scaled(consistent.scale)
+        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links)
 
-    seconds = {
-        "filter": filtered.seconds + took["check"],
-        "matching": took["matching"],
-        "verification": uncached_registration_s,
-        "optimisation": took["optimisation"],
-    }
+    seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
+    filtered = attempt.filtered
     return Solution(
         filtered=filtered,
-        matched=matched,
+        matched=attempt.matched,
         closures=graph.closures,
         graph=graph,
         seconds=seconds,
-        seconds_spent=seconds | {"verification": took["verification"]},
+        seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, graph.closures, fronts),
         diagnosis=(
             *filtered.diagnosis,
-            *_nothing_left(filtered, matched, graph.closures),
+            *(one.sentence for one in judged if one.sentence),
+            *_nothing_left(filtered, attempt.matched, graph.closures),
             *consistent.diagnosis,
             *graph.diagnosis,
         ),
-    )
-
-
-def _match(
-    candidates: Sequence[CandidatePairs], fronts: Mapping[str, FrontEndResult], config: Config
-) -> tuple[MatchResult, ...]:
-    """Proposes the candidates that look alike."""
-    shifted = {
-        robot: describe_shifted(front.clouds, config.scan_context, config.matching.lateral_shift_m)
-        for robot, front in fronts.items()
-    }
-    return tuple(
-        match(
-            pairs,
-            fronts[pairs.robot_a].descriptors,
-            fronts[pairs.robot_b].descriptors,
-            config.matching,
-            shifted[pairs.robot_a],
-        )
-        for pairs in candidates
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.arrays import FloatArray
 
-# No closure worth having is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
+# No useful closure is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
 # square radians, which would leave nothing to object to.
 _WORST_SIGMA = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
 

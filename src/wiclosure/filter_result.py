@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -32,6 +33,65 @@ class AlignmentHypothesis:
         return f"AlignmentHypothesis({where}, log-likelihood {self.log_likelihood:.1f}, {len(self.paths_kept)} paths)"
 
 
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A systematic error that was estimated along with an alignment, and that its predictions are corrected for.
+
+    Args:
+        name: what it is.
+        unit: `m`, `s`, `rad`, or empty for a ratio.
+        value, sigma: the estimate; sigma is that of the prior where the measurements do not tell.
+        prior_sigma: standard deviation that was expected.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    prior_sigma: float
+
+    @property
+    def extraordinary(self) -> bool:
+        """Whether it is clearly there, and beyond what is ordinary: a fault."""
+        return abs(self.value) > 3 * max(self.sigma, self.prior_sigma)
+
+    @property
+    def measured(self) -> tuple[float, float]:
+        """Value and sigma by the measurements alone, without the prior that draws the estimate to zero."""
+        told = max(1.0 - (self.sigma / self.prior_sigma) ** 2, 1e-6)
+        return self.value / told, self.sigma / math.sqrt(told)
+
+    def __str__(self) -> str:
+        (value, sigma), unit = self.measured, self.unit
+        if unit in {"rad", ""}:
+            factor, unit = (180 / math.pi, "degrees") if unit else (100.0, "%")
+            value, sigma = factor * value, factor * sigma
+        return f"{self.name}: {value:.2f} {unit}, sigma {sigma:.2f}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignmentFit:
+    """How many measurements agree with an alignment, by time.
+
+    Args:
+        starts_ns: `(T,)` where each of T equal stretches of time begins, by the clock of robot_a.
+        bearings, agreeing_bearings: `(T,)` measurements with directions, and those of which one is the predicted one.
+        ranges, agreeing_ranges: `(T,)` the same of ranges, with those that obstacles may have lengthened.
+        probability: that an honest radio agrees as little as this in all.
+    """
+
+    starts_ns: IntArray
+    bearings: IntArray
+    agreeing_bearings: IntArray
+    ranges: IntArray
+    agreeing_ranges: IntArray
+    probability: float
+
+    def __repr__(self) -> str:
+        bearings = f"{self.agreeing_bearings.sum()} of {self.bearings.sum()} bearings"
+        return f"AlignmentFit({bearings} and {self.agreeing_ranges.sum()} of {self.ranges.sum()} ranges agree)"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameAlignment:
     """What the radio tells of how two robots' odometry frames lie.
@@ -56,6 +116,10 @@ class FrameAlignment:
     runner_up: AlignmentHypothesis | None = None
     heading_knowledge: str = "none"
     rivals: tuple[AlignmentHypothesis, ...] = ()
+    fit: AlignmentFit | None = None
+    suspected_fault: str = ""
+    calibration: tuple[Calibration, ...] = ()
+    corrections: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         verdict = "ambiguous" if self.ambiguous else "certain"

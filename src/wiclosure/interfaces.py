@@ -53,7 +53,7 @@ class Odometry(Protocol):
 
     @property
     def thinned(self) -> FloatArray | Float32Array:
-        """The last scan's points `(M, 3)` in the body's axes, one a voxel of half `voxel_size_m`.
+        """The last scan's points `(M, 3)` in the body's axes, one per voxel of half `voxel_size_m`.
 
         Raises:
             ValueError: no scan was registered yet.

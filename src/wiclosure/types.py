@@ -17,16 +17,26 @@ from wiclosure.evidence import (
     ScanContextMatch,
     capped_covariance,
 )
-from wiclosure.filter_result import AlignmentHypothesis, ClosureCheck, FilterResult, FrameAlignment, RadioLinks
+from wiclosure.filter_result import (
+    AlignmentFit,
+    AlignmentHypothesis,
+    Calibration,
+    ClosureCheck,
+    FilterResult,
+    FrameAlignment,
+    RadioLinks,
+)
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory, require_own_names
 from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 __all__ = [
+    "AlignmentFit",
     "AlignmentHypothesis",
     "AoaFrame",
     "AoaPath",
     "BoolArray",
+    "Calibration",
     "CandidatePairs",
     "Closure",
     "ClosureCheck",

@@ -11,7 +11,7 @@ from wiclosure.errors import InputError
 from wiclosure.frontends.config import MatchingSettings, ScanContextSettings
 from wiclosure.frontends.front_end import describe_all, describe_shifted
 from wiclosure.frontends.matching import match, spread_out
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, ring_keys
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, ring_keys
 from wiclosure.types import CandidatePairs, Float32Array, FloatArray, IntArray, PredictionKind, Stage
 
 RINGS, SECTORS = 8, 12
@@ -85,7 +85,7 @@ def test_proposals_equal_those_of_a_search_keyframe_by_keyframe(
 
     near = nearest(ij, {(i, j): float(np.linalg.norm(key_a[i] - key_b[j])) for i, j in ij}, neighbours)
     spectra = ColumnSpectra.of(a), ColumnSpectra.of(b)
-    full = {(i, j): float(compare(*spectra, np.array([i]), np.array([j]))[0][0]) for i, j in near}
+    full = {(i, j): float(compare_descriptors(*spectra, np.array([i]), np.array([j]))[0][0]) for i, j in near}
     expected = nearest([pair for pair in near if full[pair] <= 0.6], full, best)
     assert [(c.query.index, c.match.index) for c in result.closures] == sorted(expected)
     assert result.pairs_compared == len(near)

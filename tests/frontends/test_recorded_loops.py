@@ -14,7 +14,7 @@ from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import RegistrationSettings, ScanContextSettings
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.registration import Registration
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.types import (
     Closure,
     Float32Array,
@@ -92,11 +92,11 @@ def test_scan_context_recognises_the_reverse_loop_among_unrelated_scans(
     names = list(scans)
     spectra = ColumnSpectra.of(np.stack([describe(scans[name], ScanContextSettings()) for name in names]))
     query, match = names.index(("08", 720)), names.index(("08", 1500))
-    distance, yaw = compare(spectra, spectra, np.array([query]), np.array([match]))
+    distance, yaw = compare_descriptors(spectra, spectra, np.array([query]), np.array([match]))
     assert distance[0] == pytest.approx(0.22, abs=0.03)
     assert np.degrees(yaw[0]) % 360 == pytest.approx(210, abs=6)
     unrelated = np.array([[query, 0], [query, 1], [match, 0], [match, 1]])
-    assert compare(spectra, spectra, *unrelated.T)[0].min() > 0.45
+    assert compare_descriptors(spectra, spectra, *unrelated.T)[0].min() > 0.45
 
 
 @pytest.mark.parametrize("sequence", sorted(LOOPS))

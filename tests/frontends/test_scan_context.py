@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wiclosure import se3
 from wiclosure.frontends.config import ScanContextSettings
-from wiclosure.frontends.scan_context import ColumnSpectra, compare, describe, ring_keys
+from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe, ring_keys
 from wiclosure.types import FloatArray
 
 SETTINGS = ScanContextSettings()
@@ -45,7 +45,7 @@ def test_a_turned_cloud_is_recognised_and_its_yaw_found(seed: int, shift: int) -
     T_query_match = se3.from_yaw(shift * SECTOR, np.zeros(3))
     points_query = se3.transform(T_query_match, points_match)
     query, match = (ColumnSpectra.of(describe(p, SETTINGS)[None]) for p in (points_query, points_match))
-    distance, yaw = compare(query, match, np.array([0]), np.array([0]))
+    distance, yaw = compare_descriptors(query, match, np.array([0]), np.array([0]))
     assert distance[0] == pytest.approx(0, abs=1e-4)
     assert np.angle(np.exp(1j * (yaw[0] - shift * SECTOR))) == pytest.approx(0, abs=1e-6)
 
@@ -80,7 +80,7 @@ def test_all_pairs_at_all_shifts_at_once_equal_shifting_columns_by_hand(
     a, b = np.divmod(np.flatnonzero(rng.random(counts[0] * counts[1]) < share), counts[1])
     order = rng.permutation(len(a))
     a, b = a[order], b[order]
-    distance, yaw = compare(ColumnSpectra.of(query), ColumnSpectra.of(match), a, b)
+    distance, yaw = compare_descriptors(ColumnSpectra.of(query), ColumnSpectra.of(match), a, b)
     for k in rng.permutation(len(a))[:20]:
         profile = brute_force_profile(query[a[k]], match[b[k]])
         assert distance[k] == pytest.approx(profile.min(), abs=1e-5)
@@ -94,7 +94,7 @@ def test_the_number_of_threads_does_not_change_a_bit(monkeypatch: pytest.MonkeyP
     results = []
     for processors in (1, 3):
         monkeypatch.setattr("os.cpu_count", lambda processors=processors: processors)
-        results.append(compare(spectra, spectra, a, b))
+        results.append(compare_descriptors(spectra, spectra, a, b))
     np.testing.assert_array_equal(results[0], results[1])
 
 
@@ -114,13 +114,13 @@ def test_bins_of_few_points_are_empty_as_disco_slam_has_it() -> None:
 def test_two_alike_columns_are_no_place() -> None:
     points = np.array([[10.0, 0.5, 1.0], [0.5, 10.0, 1.0]])
     spectra = ColumnSpectra.of(describe(points, SETTINGS)[None])
-    distance, _ = compare(spectra, spectra, np.array([0]), np.array([0]))
+    distance, _ = compare_descriptors(spectra, spectra, np.array([0]), np.array([0]))
     assert distance[0] > 0.8
 
 
 def test_empty_clouds_are_unlike_everything() -> None:
     empty = ColumnSpectra.of(describe(np.zeros((0, 3)), SETTINGS)[None])
-    distance, _ = compare(empty, empty, np.array([0]), np.array([0]))
+    distance, _ = compare_descriptors(empty, empty, np.array([0]), np.array([0]))
     assert distance[0] == 1.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from wiclosure.simulation.ground import rough_ground
 from wiclosure.simulation.mesh import box
-from wiclosure.simulation.propagation import FreeSpace, InScene, mirror
+from wiclosure.simulation.propagation import InScene, Unobstructed, mirror
 from wiclosure.simulation.scene import Footprint, Reflector, Scene, SceneBuilder
 
 RECEIVER, TRANSMITTER = np.array([[0.0, 0.0, 1.0]]), np.array([[8.0, 0.0, 1.0]])
@@ -50,5 +50,5 @@ def test_a_mirror_image_lies_as_far_behind_the_plane() -> None:
 
 
 def test_nothing_is_in_the_way_in_free_space() -> None:
-    assert FreeSpace().blocked(RECEIVER, TRANSMITTER).tolist() == [False]
-    assert FreeSpace().reflections(RECEIVER, TRANSMITTER).virtual_m.shape == (0, 3)
+    assert Unobstructed().blocked(RECEIVER, TRANSMITTER).tolist() == [False]
+    assert Unobstructed().reflections(RECEIVER, TRANSMITTER).virtual_m.shape == (0, 3)

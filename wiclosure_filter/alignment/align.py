@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.types import AlignmentHypothesis, FloatArray, FrameAlignment, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess
+from wiclosure import se3
+from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
+from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess, unobservable
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
-from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation
+from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
+from wiclosure.wiclosure_filter.alignment.fit import Fit
+from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
-from wiclosure.wiclosure_filter.alignment.residuals import explained
+from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, explained
+from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
-from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
+from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.links.links import Links
 
 _NOTHING_FOUND = {
@@ -49,73 +52,173 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
     if settings.gravity_aligned:
-        chosen = _level(found, links, problem.odometry, settings.guard)
+        chosen = _level(found, links, problem.odometry, settings)
     else:
-        chosen = _in_space(found, links, settings.tilt_sigma_rad, settings.guard)
+        chosen = _in_space(found, links, settings)
+    reason = chosen.doubts[0] if chosen.doubts else chosen.support
     return FrameAlignment(
         robot_a=links.robot_a,
         robot_b=links.robot_b,
-        best=chosen.best,
-        covariance=chosen.covariance,
-        ambiguous=chosen.verdict.ambiguous,
-        reason="; ".join((chosen.verdict.reason, *links.left_out)),
+        best=chosen.best.hypothesis,
+        covariance=chosen.best.covariance,
+        ambiguous=bool(chosen.doubts),
+        reason="; ".join((reason, *links.left_out)),
         runner_up=chosen.others[0] if chosen.others else None,
         heading_knowledge=knowledge,
-        rivals=chosen.others if chosen.verdict.alternatives else (),
+        rivals=chosen.others if chosen.likely else (),
+        fit=chosen.fit.by_time,
+        suspected_fault=chosen.fault,
+        calibration=chosen.best.calibration,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
-    """Best alignment, its covariance `(6, 6)`, different ones, the best first, and whether it is certain."""
+    """Best alignment, different ones, and how well it fits.
 
-    best: AlignmentHypothesis
-    covariance: FloatArray
+    Args:
+        best: as it is reported.
+        others: different ones, the best first.
+        fit: how well it explains the measurements.
+        doubts: what forbids to call it certain, the gravest first.
+        fault: a systematic error that the measurements speak of, or an empty string.
+        support: what carries it.
+        likely: whether the different ones are the only others that are likely.
+    """
+
+    best: _Followed
     others: tuple[AlignmentHypothesis, ...]
-    verdict: Verdict
+    fit: Fit
+    doubts: tuple[str, ...]
+    fault: str
+    support: str
+    likely: bool
 
-
-def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings) -> _Chosen:
-    """Between level frames."""
-    verdict = assess(found.peaks, found.mixture, found.prior, guard)
-    best, *others = (
-        _followed(found, row, links, odometry, verdict.covariance) for row in (verdict.best, *verdict.others)
-    )
-    return _Chosen(*best, tuple(hypothesis for hypothesis, _ in others), verdict)
-
-
-def _in_space(found: AnchoredPeaks, links: Links, tilt_sigma_rad: float, guard: AmbiguitySettings) -> _Chosen:
-    """Over all of SE(3)."""
-    peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, tilt_sigma_rad)
-    verdict = assess(peaks.level, found.mixture, found.prior, guard, peaks.explanation)
-    counted = found.mixture.observations.independence
-    best, *others = (
-        AlignmentHypothesis(
-            T_a_b=peaks.T_a_b[row],
-            log_likelihood=float(peaks.explanation.log_likelihood[row] @ counted),
-            paths_kept=_paths_kept(peaks.explanation.at(row), links, None),
+    @classmethod
+    def of(
+        cls,
+        verdict: Verdict,
+        followed: Sequence[_Followed],
+        second: SecondAlignment | None,
+        settings: AlignmentSettings,
+    ) -> _Chosen:
+        """From the verdict on the peaks, and those of them that are reported."""
+        best, *others = followed
+        fit = best.fit
+        misfit = fit.doubt(settings.guard.min_fit_probability)
+        sentence = "" if second is None else second.sentence
+        slip = sentence if second is not None and second.slip else ""
+        ambiguous = verdict.reason if verdict.ambiguous else best.vague
+        doubts = [doubt for doubt in (best.extraordinary, sentence, misfit, ambiguous) if doubt]
+        return cls(
+            best,
+            tuple(other.hypothesis for other in others),
+            fit,
+            tuple(doubts),
+            best.extraordinary or slip or misfit,
+            verdict.reason,
+            likely=bool(second or (verdict.alternatives and not misfit)),
         )
-        for row in (verdict.best, *verdict.others)
-    )
-    return _Chosen(best, peaks.covariance[verdict.best], tuple(others), verdict)
+
+
+def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings: AlignmentSettings) -> _Chosen:
+    """Between level frames."""
+    verdict = assess(found.peaks, found.mixture, found.prior, settings.guard)
+    second = None
+    if found.chosen is None and not verdict.ambiguous:
+        second = second_alignment(found, verdict.best, verdict.different, verdict.log_volume, settings.guard.min_odds)
+    rows = (verdict.best, *(verdict.others if second is None else (second.row,)))
+    followed = [_followed(found, row, links, odometry, verdict.covariance, settings) for row in rows]
+    return _Chosen.of(verdict, followed, second, settings)
+
+
+def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:
+    """Over all of SE(3)."""
+    peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, settings.tilt_sigma_rad)
+    verdict = assess(peaks.level, found.mixture, found.prior, settings.guard, peaks.explanation)
+    followed = []
+    for row in (verdict.best, *verdict.others):
+        explanation, T_a_b = peaks.explanation.at(row), peaks.T_a_b[row]
+        distance_m = np.linalg.norm(se3.transform(T_a_b, links.antenna_b) - links.antenna_a, axis=1)
+        hypothesis = AlignmentHypothesis(
+            T_a_b=T_a_b,
+            log_likelihood=float(explanation.log_likelihood[0] @ found.mixture.observations.independence),
+            paths_kept=_paths_kept(explanation, links, None),
+        )
+        followed.append(_Followed(hypothesis, peaks.covariance[row], found.mixture, explanation, distance_m))
+    return _Chosen.of(verdict, followed, None, settings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A peak, followed through the drift of both robots where that matters.
+
+    Args:
+        hypothesis: as it is reported.
+        covariance: `(6, 6)`.
+        mixture: likelihood of the measurements, without the drift that was followed.
+        explanation: of the measurements; leading dimension 1.
+        distance_m: `(M,)` of the antennas.
+        calibration: systematic errors that were estimated along with it.
+        vague: why it is too vague to prune by, or an empty string.
+    """
+
+    hypothesis: AlignmentHypothesis
+    covariance: FloatArray
+    mixture: Mixture
+    explanation: Explanation
+    distance_m: FloatArray
+    calibration: tuple[Calibration, ...] = ()
+    vague: str = ""
+
+    @property
+    def fit(self) -> Fit:
+        """How well it explains the measurements."""
+        return Fit.of(self.mixture, self.explanation, self.distance_m)
+
+    @property
+    def extraordinary(self) -> str:
+        """Systematic errors that are far larger than usual, as a sentence, or an empty string."""
+        beyond = [str(error) for error in self.calibration if error.extraordinary]
+        return f"the measurements tell a systematic error beyond the usual: {'; '.join(beyond)}" if beyond else ""
 
 
 def _followed(
-    found: AnchoredPeaks, row: int, links: Links, odometry: PairOdometry, covariance: FloatArray
-) -> tuple[AlignmentHypothesis, FloatArray]:
-    """A peak, followed through the drift of both robots where that matters, and its covariance `(6, 6)`."""
-    observations = found.mixture.observations
-    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], found.mixture)
-    if found.chosen is None and drift_matters(found.drift, observations):
+    found: AnchoredPeaks,
+    row: int,
+    links: Links,
+    odometry: PairOdometry,
+    covariance: FloatArray,
+    settings: AlignmentSettings,
+) -> _Followed:
+    mixture, observations = found.mixture, found.mixture.observations
+    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
+    w = displacements_in_a(state[None], observations)[1][0]
+    calibration: tuple[Calibration, ...] = ()
+    vague = ""
+    if found.chosen is None and len(observations) > 1:
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
-            frames = follow_drift(state, found.mixture, found.drift, found.prior, odometry)
-            state, explanation, covariance = frames.state, frames.explanation, frames.covariance
+            frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
+            state, explanation, w = frames.state, frames.explanation, frames.w
+            covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
+            mixture = Mixture.of(frames.corrected, mixture.radio)
+            calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
+            vague = unobservable(covariance, observations, settings.guard)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
         log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),
         paths_kept=_paths_kept(explanation, links, None if found.chosen is None else found.chosen[row]),
     )
-    return hypothesis, tangent_covariance(state, covariance, observations)
+    distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
+    covariance = tangent_covariance(state, covariance, observations)
+    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, vague)
+
+
+def _spread(covariance: FloatArray, information: FloatArray) -> FloatArray:
+    """What peaks near the best one add to its covariance `(4, 4)`."""
+    alone = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(4))
+    values, vectors = np.linalg.eigh(covariance - alone)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _paths_kept(explanation: Explanation, links: Links, chosen: IntArray | None) -> tuple[tuple[int, int], ...]:

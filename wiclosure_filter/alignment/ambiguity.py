@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
 from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, displacement_m
 from wiclosure.wiclosure_filter.alignment.residuals import explained
 from wiclosure.wiclosure_filter.config import AmbiguitySettings
@@ -31,6 +32,8 @@ class Verdict:
         covariance: `(4, 4)` of the best state; peaks too near to be called different are folded in.
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence.
+        different: `(N,)` peaks that are no neighbours of the best.
+        log_volume: `(N,)` logarithm of the part of all that was searched that each peak takes.
         alternatives: rows of other peaks that are likely too, where they are few and clear: with `best` they hold the
             odds against all others, and against chance, that a certain alignment would.
     """
@@ -40,6 +43,8 @@ class Verdict:
     covariance: FloatArray
     ambiguous: bool
     reason: str
+    different: BoolArray
+    log_volume: FloatArray
     alternatives: tuple[int, ...] = ()
 
     @property
@@ -82,13 +87,33 @@ def assess(
     reasons = [doubt for doubt in doubts if doubt]
     reason = reasons[0] if reasons else _support(explanation, mixture)
     alternatives = weighed.likely_alternatives(best) if contested and not little else ()
-    return Verdict(best, second, covariance, bool(reasons), reason, alternatives)
+    log_volume = weighed.evidence - peaks.log_posterior + 2 * np.log(2 * np.pi) - weighed.log_searched
+    return Verdict(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
 
 
 def log_evidence(peaks: Peaks) -> FloatArray:
     """`(N,)` logarithm of the posterior mass of each peak, up to a constant (Laplace's approximation)."""
     ridge = 1e-9 * np.trace(peaks.information, axis1=1, axis2=2)[:, None, None] * np.eye(4)
     return np.asarray(peaks.log_posterior - np.linalg.slogdet(peaks.information + ridge)[1] / 2)
+
+
+def unobservable(covariance: FloatArray, observations: Observations, guard: AmbiguitySettings) -> str:
+    """Whether yaw or position is vague by the covariance `(4, 4)` of a state: a sentence, or empty."""
+    moved_a, moved_b = observations.extents_m
+    yaw_sigma = float(np.sqrt(covariance[0, 0]))
+    if yaw_sigma > guard.max_yaw_sigma_rad:
+        return (
+            f"the relative heading is not observable (standard deviation {np.degrees(yaw_sigma):.0f} degrees):"
+            f" the robots moved {moved_a:.1f} m and {moved_b:.1f} m while they heard each other"
+        )
+    distance_m = observations.typical_distance_m
+    position_sigma = float(np.sqrt(covariance[1, 1] + covariance[2, 2]))
+    if position_sigma > guard.max_relative_sigma * distance_m:
+        return (
+            f"the relative position is too vague to prune (standard deviation {position_sigma:.1f} m over links of"
+            f" {distance_m:.1f} m)"
+        )
+    return ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,20 +155,7 @@ class _WeighedPeaks:
 
     def unobservable(self, covariance: FloatArray) -> str:
         """Whether yaw or position is vague."""
-        moved_a, moved_b = self.mixture.observations.extents_m
-        yaw_sigma = float(np.sqrt(covariance[0, 0]))
-        if yaw_sigma > self.guard.max_yaw_sigma_rad:
-            return (
-                f"the relative heading is not observable (standard deviation {np.degrees(yaw_sigma):.0f} degrees):"
-                f" the robots moved {moved_a:.1f} m and {moved_b:.1f} m while they heard each other"
-            )
-        position_sigma = float(np.sqrt(covariance[1, 1] + covariance[2, 2]))
-        if position_sigma > self.guard.max_relative_sigma * self.distance_m:
-            return (
-                f"the relative position is too vague to prune (standard deviation {position_sigma:.1f} m over links of"
-                f" {self.distance_m:.1f} m)"
-            )
-        return ""
+        return unobservable(covariance, self.mixture.observations, self.guard)
 
     def too_few(self, explanation: Explanation) -> str:
         """Whether more was measured than the alignment needs."""
@@ -170,13 +182,17 @@ class _WeighedPeaks:
         second = np.flatnonzero(different)[np.argmax(self.evidence[different])]
         return f"an alignment {apart_m[second]:.1f} m away is nearly as likely (odds {odds:.1f} to 1)"
 
-    def by_chance(self, log_mass: float) -> str:
-        """Bayes factor of the alignment against "all that was measured is noise"."""
+    @property
+    def log_searched(self) -> float:
+        """Logarithm of the volume of alignments that were possible before."""
         searched = np.log(np.pi * (2 * self.distance_m) ** 2)
         searched += np.log(np.sqrt(2 * np.pi) * self.prior.height_sigma_m)
         known = np.isfinite(self.prior.yaw)
-        searched += np.log(np.sqrt(2 * np.pi) * self.prior.yaw_sigma if known else 2 * np.pi)
-        if log_mass - searched >= np.log(self.guard.min_odds):
+        return float(searched + np.log(np.sqrt(2 * np.pi) * self.prior.yaw_sigma if known else 2 * np.pi))
+
+    def by_chance(self, log_mass: float) -> str:
+        """Bayes factor of the alignment against "all that was measured is noise"."""
+        if log_mass - self.log_searched >= np.log(self.guard.min_odds):
             return ""
         return "the measurements agree no better than chance would have it"
 

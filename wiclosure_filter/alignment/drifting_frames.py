@@ -11,17 +11,25 @@ bit.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
 from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.alignment.refinement import Prior
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, residual_rows, seen_by_receiver
+from wiclosure.wiclosure_filter.alignment.residuals import (
+    ResidualRows,
+    displacements_in_a,
+    residual_rows,
+    seen_by_receiver,
+)
+from wiclosure.wiclosure_filter.config import CalibrationPriors
 
 _EXCUSES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0, 0.0, 0.0, 0.0)  # of the rigid transform's drift, step by step
 _FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
@@ -39,6 +47,8 @@ class DriftingFrames:
         middle: the measurement in the middle of the time.
         state: `(4,)` the frame transform at the middle, see `Observations`.
         covariance: `(4, 4)` of that state.
+        errors: systematic errors, estimated along with the chain.
+        corrected: the measurements without these errors.
     """
 
     yaw: FloatArray
@@ -47,6 +57,8 @@ class DriftingFrames:
     middle: int
     state: FloatArray
     covariance: FloatArray
+    errors: EstimatedErrors
+    corrected: Observations
 
 
 def follow_drift(
@@ -55,6 +67,7 @@ def follow_drift(
     drift: tuple[FloatArray, FloatArray],
     prior: Prior,
     odometry: PairOdometry,
+    calibration: CalibrationPriors,
 ) -> DriftingFrames:
     """Lets a rigid transform follow the drift of both robots.
 
@@ -64,62 +77,101 @@ def follow_drift(
         drift: what that mixture allowed for, `PairOdometry.drift_from`.
         prior: on yaw and height.
         odometry: of a and b.
+        calibration: how large systematic errors usually are.
     """
-    observations = rigid.observations
-    order = np.argsort(observations.stamp_ns, kind="stable")
-    links = observations.subset(order)
+    order = np.argsort(rigid.observations.stamp_ns, kind="stable")
+    errors = SystematicErrors.of(rigid.observations.subset(order), odometry, calibration)
     excused = (drift[0][order], drift[1][order])
-    yaw = np.full(len(links), state[0])
-    w = displacements_in_a(state[None], links)[1][0]
-    mixture = Mixture.of(links, rigid.radio)
+    yaw = np.full(len(order), state[0])
+    w = displacements_in_a(state[None], errors.observations)[1][0]
+    at_start = rigid.subset(order).explain(seen_by_receiver(w[None], yaw[None], ~errors.observations.a_receives))
+    value = errors.first_guess(at_start, np.linalg.norm(w, axis=1))
     for excuse in _EXCUSES:
-        if excuse > 0:
-            mixture_now = Mixture.of(links, rigid.radio, (excuse * excused[0], excuse * excused[1]))
-        else:
-            mixture_now = mixture
-        system = _system(yaw, w, mixture_now, prior, odometry)
-        step = system.solved().reshape(-1, 4)
+        links = errors.corrected(value)
+        mixture = Mixture.of(links, rigid.radio, (excuse * excused[0], excuse * excused[1]) if excuse > 0 else None)
+        system = _system(yaw, w, mixture, prior, odometry, errors, value)
+        step, by_errors = system.solved()
+        step = step.reshape(-1, 4)
         shrink = max(np.abs(step[:, 0]).max() / _MAX_STEP_RAD, np.abs(step[:, 1:]).max() / _MAX_STEP_M, 1.0)
-        yaw, w = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink
+        yaw, w, value = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink, value + by_errors / shrink
+    links = errors.corrected(value)
+    mixture = Mixture.of(links, rigid.radio)
     explanation = mixture.explain(seen_by_receiver(w[None], yaw[None], ~links.a_receives))
     middle = len(links) // 2
     at_middle, covariance = _frame_transform(
-        yaw[middle], w[middle], links.a[middle], links.b[middle], system.marginal(middle)
+        yaw[middle], w[middle], links.a[middle], links.b[middle], errors.velocity_b[middle], system.marginal(middle)
     )
     back = np.argsort(order, kind="stable")
-    return DriftingFrames(yaw[back], w[back], explanation.subset(back), int(order[middle]), at_middle, covariance)
-
-
-def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observations) -> bool:
-    """False where a rigid transform explains everything as well."""
-    relative = drift[0].max() / observations.typical_distance_m
-    return bool(len(observations) > 1 and (relative > 0.02 or drift[1].max() > 0.02))
+    estimated = EstimatedErrors(value, system.covariance_of_errors(), errors.prior_sigma)
+    return DriftingFrames(
+        yaw[back],
+        w[back],
+        explanation.subset(back),
+        int(order[middle]),
+        at_middle,
+        covariance,
+        estimated,
+        links.subset(back),
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class BandedSystem:
-    """Symmetric normal equations of M blocks of 4, each coupled with the next.
+class BorderedSystem:
+    """Symmetric normal equations of M blocks of 4, each coupled with the next, and all with seven systematic errors.
 
     Args:
         diagonal: `(M, 4, 4)`.
         upper: `(M - 1, 4, 4)` between block m and m + 1.
         gradient: `(M, 4)`.
+        border: `(M, 4, 7)` between block m and the errors.
+        of_errors: `(7, 7)`.
+        gradient_of_errors: `(7,)`.
     """
 
     diagonal: FloatArray
     upper: FloatArray
     gradient: FloatArray
+    border: FloatArray
+    of_errors: FloatArray
+    gradient_of_errors: FloatArray
 
-    def solved(self) -> FloatArray:
-        """Solution `(4 M,)`."""
-        return np.asarray(solveh_banded(self._bands(), self.gradient.reshape(-1)))
+    def solved(self) -> tuple[FloatArray, FloatArray]:
+        """Solution `(4 M,)` of the blocks, and that of the errors `(7,)`."""
+        errors = self.covariance_of_errors() @ (self.gradient_of_errors - self._border.T @ self._alone)
+        return self._alone - self._response @ errors, errors
+
+    def covariance_of_errors(self) -> FloatArray:
+        """`(7, 7)` block of the inverse."""
+        return np.asarray(np.linalg.inv(self.of_errors - self._border.T @ self._response))
 
     def marginal(self, block: int) -> FloatArray:
-        """`(4, 4)` block of the inverse."""
+        """`(11, 11)` of the inverse: a block of 4, and the errors."""
+        rows = slice(4 * block, 4 * block + 4)
         unit = np.zeros((self.gradient.size, 4))
-        unit[4 * block : 4 * block + 4] = np.eye(4)
-        inverse = np.asarray(solveh_banded(self._bands(), unit))[4 * block : 4 * block + 4]
-        return np.asarray((inverse + inverse.T) / 2)
+        unit[rows] = np.eye(4)
+        alone = np.asarray(solveh_banded(self._bands(), unit))[rows]
+        follows = np.vstack([-self._response[rows], np.eye(self.of_errors.shape[0])])
+        inverse = follows @ self.covariance_of_errors() @ follows.T
+        inverse[:4, :4] += (alone + alone.T) / 2
+        return np.asarray(inverse)
+
+    @property
+    def _border(self) -> FloatArray:
+        return self.border.reshape(self.gradient.size, -1)
+
+    @cached_property
+    def _solutions(self) -> FloatArray:
+        return np.asarray(solveh_banded(self._bands(), np.column_stack([self.gradient.reshape(-1), self._border])))
+
+    @property
+    def _alone(self) -> FloatArray:
+        """Solution of the blocks without errors."""
+        return self._solutions[:, 0]
+
+    @property
+    def _response(self) -> FloatArray:
+        """How the blocks follow the errors, with the sign turned."""
+        return self._solutions[:, 1:]
 
     def _bands(self) -> FloatArray:
         """Upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
@@ -133,10 +185,25 @@ class BandedSystem:
         return bands
 
 
-def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odometry: PairOdometry) -> BandedSystem:
-    """Linearises measurements, prior and odometry at the current chain."""
+def _system(
+    yaw: FloatArray,
+    w: FloatArray,
+    mixture: Mixture,
+    prior: Prior,
+    odometry: PairOdometry,
+    errors: SystematicErrors,
+    value: FloatArray,
+) -> BorderedSystem:
+    """Linearises measurements, prior and odometry at the current chain and systematic errors."""
     observations = mixture.observations
-    diagonal, gradient = _measured(yaw, w, mixture, prior)
+    rows = residual_rows(w[None], yaw[None], mixture)
+    weight = (rows.weight[0] * observations.independence[:, None])[..., None]
+    jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
+    diagonal, gradient = _measured(yaw, w, rows, mixture, prior)
+    by_errors = errors.of_measured()
+    border = np.swapaxes(weight * jacobian, 1, 2) @ by_errors
+    of_errors = np.einsum("mri,mrj->ij", weight * by_errors, by_errors) + np.diag(errors.prior_sigma**-2)
+    gradient_of_errors = np.einsum("mri,mr->i", weight * by_errors, rows.residual[0]) - value / errors.prior_sigma**2
     error, back = _steps(yaw, w, observations)
     information = np.linalg.inv(_step_covariance(yaw, w, observations, odometry))
     coupling = np.swapaxes(back, 1, 2) @ information
@@ -144,13 +211,20 @@ def _system(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior, odom
     diagonal[1:] += information
     gradient[:-1] -= np.einsum("mij,mj->mi", coupling, error)
     gradient[1:] -= np.einsum("mij,mj->mi", information, error)
-    return BandedSystem(diagonal, coupling, gradient)
+    of_steps = errors.of_steps(yaw)
+    border[:-1] += coupling @ of_steps
+    border[1:] += information @ of_steps
+    weighted = np.swapaxes(of_steps, 1, 2) @ information
+    of_errors += (weighted @ of_steps).sum(axis=0)
+    gradient_of_errors -= np.einsum("mij,mj->i", weighted, error)
+    return BorderedSystem(diagonal, coupling, gradient, border, of_errors, gradient_of_errors)
 
 
-def _measured(yaw: FloatArray, w: FloatArray, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:
+def _measured(
+    yaw: FloatArray, w: FloatArray, rows: ResidualRows, mixture: Mixture, prior: Prior
+) -> tuple[FloatArray, FloatArray]:
     """Information `(M, 4, 4)` and gradient `(M, 4)` of measurements and prior."""
     observations = mixture.observations
-    rows = residual_rows(w[None], yaw[None], mixture)
     jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
     weighted = (rows.weight[0] * observations.independence[:, None])[..., None] * jacobian
     diagonal = np.swapaxes(weighted, 1, 2) @ jacobian
@@ -199,12 +273,14 @@ def _step_covariance(yaw: FloatArray, w: FloatArray, observations: Observations,
 
 
 def _frame_transform(
-    yaw: float, w: FloatArray, a: FloatArray, b: FloatArray, covariance: FloatArray
+    yaw: float, w: FloatArray, a: FloatArray, b: FloatArray, velocity_b: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """State and covariance of the frame transform from those of (yaw, w) at one measurement."""
-    turned = se3.transform(se3.from_yaw(yaw, np.zeros(3)), b)
-    by_local = np.eye(4)
+    """State and covariance of the frame transform from (yaw, w) at one measurement and the systematic errors."""
+    R = se3.from_yaw(yaw, np.zeros(3))[:3, :3]
+    turned = R @ b
+    by_local = np.eye(4, 4 + COUNT)
     by_local[1, 0], by_local[2, 0] = turned[1], -turned[0]
+    by_local[1:, 4 + CLOCK] = -R @ velocity_b  # b was elsewhere when it was heard
     return np.concatenate([[se3.wrap_angle(np.asarray(yaw))], w + a - turned]), se3.rotate_covariance(
         by_local, covariance
     )

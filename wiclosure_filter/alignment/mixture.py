@@ -77,7 +77,7 @@ class Mixture:
         if self.observations.has_bearing.any():
             total += self._bearings(v, flat_distance, distance)
         if np.isfinite(self.range_variance).any():
-            total += np.log(self._ranges(distance)[0])
+            total += np.log(self.ranges(distance)[0])
         return np.asarray(total @ self.observations.independence.astype(np.float32), float)
 
     def _bearings(self, v: tuple[FloatArray, ...], flat_distance: FloatArray, distance: FloatArray) -> FloatArray:
@@ -102,7 +102,7 @@ class Mixture:
         density = np.where(self.observations.flat, np.sqrt(2 * np.pi * self.kappa), 2 * self.kappa)
         return np.asarray((1 - self.radio.direct_path_absent) * self.observations.weight * density)
 
-    def _ranges(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def ranges(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Total, direct and biased parts `(N, M)`, relative to a gross error's density; 1, 0, 0 without a range."""
         radio, ranged = self.radio, np.isfinite(self.range_variance)
         variance = np.where(ranged, self.range_variance, 1.0).astype(distance.dtype)
@@ -126,7 +126,7 @@ class Mixture:
         path = self.peak * np.exp(self.kappa * (cosine - 1))
         absent = np.where(observations.has_bearing, max(self.radio.direct_path_absent, 1e-12), 1.0)
         bearing = absent + path.sum(axis=-1)
-        total, in_sight, obstructed = self._ranges(distance)
+        total, in_sight, obstructed = self.ranges(distance)
         log_likelihood = np.log(bearing) + np.log(np.maximum(total, 1e-12))
         total = np.maximum(total, 1e-300)
         return Explanation(log_likelihood, path / bearing[..., None], in_sight / total, obstructed / total)

@@ -17,7 +17,7 @@ from wiclosure.wiclosure_filter.config import RadioModel
 from wiclosure.wiclosure_filter.links.links import Links
 
 LEVEL_SIGMA_RAD = 0.01  # rad, gravity-aligned frames agree on the vertical, nearly
-_UNKNOWN_DISTANCE_M = 30.0  # of antennas that were not ranged, where errors across a bearing are weighed
+UNKNOWN_DISTANCE_M = 30.0  # of antennas that were not ranged, where errors across a bearing are weighed
 _LEAST_SIGMA_M, _LEAST_SIGMA_RAD = 0.01, 0.002  # no radio or compass is better, whatever the log says
 _CLIMBING = 0.2  # height over distance from which ranges tell heights; below, they tell as little as a mirror
 
@@ -114,7 +114,7 @@ class Observations:
     @property
     def distance_m(self) -> FloatArray:
         """`(M,)` distance of the antennas, measured or borrowed, or a usual one where nothing was ranged."""
-        return np.where(np.isfinite(self.near_range_m), self.near_range_m, _UNKNOWN_DISTANCE_M)
+        return np.where(np.isfinite(self.near_range_m), self.near_range_m, UNKNOWN_DISTANCE_M)
 
     @property
     def tells_height(self) -> bool:

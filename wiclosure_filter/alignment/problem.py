@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.wiclosure_filter.alignment.heights import height_sigma_m
 from wiclosure.wiclosure_filter.alignment.mixture import Mixture
 from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.refinement import Prior
@@ -81,13 +82,11 @@ class AlignmentProblem:
         observations = Observations.of(links, settings.radio)
         partner = reciprocal_partners(links, settings.reciprocal_tolerance_s)
         knowledge = settings.heading if settings.heading != "auto" else heading_knowledge(links, partner)
-        prior = Prior.of(
-            observations,
-            use_headings=knowledge == "heading",
-            height_sigma_m=settings.height_sigma_m,
-            height_ratio=settings.height_ratio,
-        )
         a, b = trajectories[links.robot_a], trajectories[links.robot_b]
+        sigma_m = settings.height_sigma_m
+        if settings.gravity_aligned and not observations.tells_height:
+            sigma_m = height_sigma_m(a, b, observations.typical_distance_m, settings)
+        prior = Prior.of(observations, use_headings=knowledge == "heading", height_sigma_m=sigma_m)
         odometry = PairOdometry(a, b, settings.drift_inflation)
         return cls(observations, odometry, settings.radio, prior, knowledge, partner)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, capped_covariance
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
+from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Mixture
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.refinement import Prior, climb
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -71,8 +71,20 @@ class RadioConsistencyCheck:
     def log_odds(self, T_a_b: FloatArray, covariance: FloatArray, index_a: IntArray, index_b: IntArray) -> FloatArray:
         """Natural logarithms `(N,)` of the odds for the likeliest alignment, against the one that each closure implies.
 
+        Arguments are those of `objections`.
+        """
+        likeliest, implied = self.log_posteriors(T_a_b, covariance, index_a, index_b)
+        return np.maximum(likeliest - implied, 0.0)
+
+    def log_posteriors(
+        self, T_a_b: FloatArray, covariance: FloatArray, index_a: IntArray, index_b: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Log-posteriors `(N,)` of the likeliest alignment and of the one that each closure implies.
+
+        Where the search found none, nothing is likelier than minus infinity.
         A closure leaves the alignment at the measurements open by its covariance, and by the drift of odometry between:
-        it is weighed by the likeliest one that it allows.  Arguments are those of `objections`.
+        it is weighed by the likeliest one that it allows.  0 is measurements that say nothing.  Arguments are those of
+        `objections`.
         """
         observations, odometry = self.problem.observations, self.problem.odometry
         frames = odometry.a.poses[index_a] @ T_a_b @ se3.inverse(odometry.b.poses[index_b])
@@ -81,18 +93,19 @@ class RadioConsistencyCheck:
             odometry.drift_since(i, j, observations) for i, j in zip(index_a.tolist(), index_b.tolist(), strict=True)
         ]
         anchors = np.array([np.argmin(position_m) for position_m, _ in drift], np.int64)
-        odds = np.zeros(len(states))
+        likeliest, implied = np.full(len(states), -np.inf), np.zeros(len(states))
         for anchor in np.unique(anchors).tolist():  # closures of one place share the measurement nearest to them
             rows = np.flatnonzero(anchors == anchor)
             mixture, prior = self._around(anchor)
-            best = self._highest(states[rows], mixture, prior)
+            if len(self.likely):
+                likeliest[rows] = self._highest(states[rows], mixture, prior)
             for row in rows:
                 drift_m, drift_rad = (float(of_each[anchor]) for of_each in drift[row])
                 at_anchor = _at_anchor(covariance[row], self._lever_m(anchor, int(index_b[row])), drift_m, drift_rad)
                 spread = self._spread(anchor, states[row, 0], at_anchor)
                 allowed = _Near(**vars(prior), centre=states[row], information=np.asarray(np.linalg.inv(spread), float))
-                odds[row] = best - self._highest(states[[row]], mixture, allowed)
-        return np.maximum(odds, 0.0)
+                implied[row] = self._highest(states[[row]], mixture, allowed)
+        return likeliest, implied
 
     def _highest(self, states: FloatArray, mixture: Mixture, prior: Prior) -> float:
         """The highest peak of the posterior that is reached from some states or from the likely ones."""
@@ -118,7 +131,8 @@ class RadioConsistencyCheck:
     def _noise_m(self) -> FloatArray:
         """`(M,)` m, how exact each measurement is: its range, or its most exact path across the distance."""
         observations = self.problem.observations
-        across = np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1) * observations.distance_m
+        across = np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1)
+        across = across * np.maximum(observations.distance_m, MIN_DISTANCE_M)
         along = np.where(np.isfinite(observations.range_m), observations.range_sigma_m, np.inf)
         return np.asarray(np.minimum(along, across))
 

@@ -40,20 +40,17 @@ class Prior:
     height_sigma_m: float
 
     @classmethod
-    def of(cls, observations: Observations, *, use_headings: bool, height_sigma_m: float, height_ratio: float) -> Prior:
+    def of(cls, observations: Observations, *, use_headings: bool, height_sigma_m: float) -> Prior:
         """Prior of a set of observations; headings that repeat themselves do not add up.
 
         Args:
             observations: the measurements.
             use_headings: whether compasses count.
             height_sigma_m: m, how differently high the robots may be.
-            height_ratio: the same over their distance, where the radio does not tell heights.
         """
         known = np.isfinite(observations.yaw) & use_headings
         yaw = float(np.angle(np.exp(1j * observations.yaw[known]).sum())) if known.any() else np.nan
         sigma = float(np.median(observations.yaw_sigma[known])) if known.any() else np.nan
-        if not observations.tells_height:
-            height_sigma_m = min(height_ratio * observations.typical_distance_m, height_sigma_m)
         return cls(yaw, sigma, 0.0, height_sigma_m)  # centred heights: equal on average is z = 0
 
     def log_density(self, states: FloatArray) -> FloatArray:

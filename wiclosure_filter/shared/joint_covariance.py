@@ -7,6 +7,7 @@ those plus an independent remainder.  Exact, and many times faster than invertin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -64,6 +65,15 @@ class JointCovariance:
         turn = np.zeros((len(R), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = R
         return JointCovariance(turn @ self.own @ np.swapaxes(turn, 1, 2), turn @ self.factor)
+
+    def widened(self, pulls: Mapping[int, FloatArray]) -> JointCovariance:
+        """With what independent errors of one standard deviation add, by their pulls `(6, p)` at linked poses."""
+        if not pulls:
+            return self
+        of_errors = sum(self.factor[key].T @ pull for key, pull in pulls.items())
+        columns = self.factor @ of_errors
+        own = self.own + columns @ np.swapaxes(columns, 1, 2)
+        return JointCovariance(own, np.concatenate([self.factor, columns], axis=2))
 
     def of_displacements(self, a: slice, b: slice, dimensions: int) -> FloatArray:
         """Covariance `(A, B, d, d)` of the difference of positions, for poses of two robots in common axes."""

@@ -22,11 +22,18 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
+from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
-from wiclosure.wiclosure_filter.shared.joint_factors import add_first_guess, add_links, frame_factors, step_factors
+from wiclosure.wiclosure_filter.shared.joint_factors import (
+    add_first_guess,
+    add_height,
+    add_links,
+    frame_factors,
+    step_factors,
+)
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # The drift is scaled again where it grew by this factor, at most so often.
@@ -151,6 +158,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
+    error_sigma: Mapping[tuple[str, str], FloatArray] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -160,6 +168,7 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
+        error_sigma: `(7,)` of the systematic errors of each pair's links, see `alignment.calibration`.
     """
     nodes, first, linked = team.nodes, team.first, team.linked
     initial = gtsam.Values()
@@ -169,6 +178,10 @@ def estimate(
     for (a, b), kept in team.links.items():
         at_a, at_b = team.ends[a, b]
         add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
+        sigma_m = kept.height_sigma_m(prior, nodes[a].trajectory, nodes[b].trajectory)
+        if sigma_m is not None:
+            middle = len(kept) // 2
+            add_height(others, int(first[a] + at_a[middle]), int(first[b] + at_b[middle]), sigma_m)
     as_modelled = step_factors(nodes, first)
     values, covariance = _solved(as_modelled, others, initial, linked)
     # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
@@ -181,6 +194,10 @@ def estimate(
         values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
+    for (a, b), sigma in (error_sigma or {}).items():
+        keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
+        trajectory = nodes[b].trajectory
+        covariance = covariance.widened(pulls(team.links[a, b], sigma, keys, trajectory, values, robust_threshold))
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
     return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
 

@@ -76,6 +76,13 @@ def add_links(
             graph.add(gtsam.BetweenFactorPose3(a, b, measured, robust))
 
 
+def add_height(graph: gtsam.NonlinearFactorGraph, key_a: int, key_b: int, sigma_m: float) -> None:
+    """That two level robots are about equally high, where they heard each other."""
+    far = [UNKNOWN_RAD, UNKNOWN_RAD, UNKNOWN_RAD, UNKNOWN_M, UNKNOWN_M]
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([*far, sigma_m]))
+    graph.add(gtsam.BetweenFactorPose3(key_a, key_b, gtsam.Pose3(), noise))
+
+
 def _bearing(
     receiver: int,
     transmitter: int,

@@ -9,7 +9,9 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
+from wiclosure.wiclosure_filter.alignment.observations import UNKNOWN_DISTANCE_M
 from wiclosure.wiclosure_filter.links.links import Links
+from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
 UNKNOWN_ELEVATION = 0.5
@@ -80,6 +82,14 @@ class KeptLinks:
             np.einsum("lij,lj->li", R_keyframe_odom, self.direction),
             R_keyframe_odom @ self.direction_covariance @ np.swapaxes(R_keyframe_odom, 1, 2),
         )
+
+    def height_sigma_m(self, prior: FramePrior, a: Trajectory, b: Trajectory) -> float | None:
+        """How differently high the robots may be where they heard each other; None where the links may tell that."""
+        ranged = self.links.range_m[np.isfinite(self.links.range_m)]
+        elevated = np.isfinite(self.links.elevation).any()
+        if elevated or len(self) == 0:
+            return None
+        return prior.height_sigma_m(a, b, float(np.median(ranged)) if len(ranged) else UNKNOWN_DISTANCE_M)
 
     def misfit(self, T_world_a: FloatArray, T_world_b: FloatArray) -> float:
         """Median residual of ranges and bearings in their standard deviations; near 0.7 where all is well.

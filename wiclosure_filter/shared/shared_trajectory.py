@@ -12,6 +12,7 @@ from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
+from wiclosure.wiclosure_filter.shared.calibrated_links import errors_of, without_errors
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate, frames_from
@@ -80,7 +81,7 @@ def share_trajectories(
         settings: joint estimate or shortest routes.
     """
     certain = {(a.robot_a, a.robot_b): a for a in alignments if a.best is not None and not a.ambiguous}
-    kept = {pair: KeptLinks.of(a.best, links[pair]) for pair, a in certain.items() if a.best is not None}
+    kept = {pair: _calibrated(a, links[pair], trajectories) for pair, a in certain.items()}
     if settings.method == "shortest":
         joined = _shortest(trajectories, certain, kept, prior.dimensions)
     else:
@@ -91,6 +92,14 @@ def share_trajectories(
         if (best := certain[pair].best) is not None
     )
     return SharedTrajectory(joined.estimates, tuple(joined.diagnosis), used)
+
+
+def _calibrated(alignment: FrameAlignment, links: Links, trajectories: Mapping[str, Trajectory]) -> KeptLinks:
+    """The links that an alignment keeps, without the systematic errors that it found."""
+    assert alignment.best is not None  # it is certain
+    kept = KeptLinks.of(alignment.best, links)
+    errors, _ = errors_of(alignment.calibration)
+    return without_errors(kept, errors, trajectories[alignment.robot_b]) if errors.any() else kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +127,8 @@ def _joint(
         if len(frames) > 1:
             own = {pair: links for pair, links in kept.items() if pair[0] in frames}
             try:
-                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, prior, settings)
+                sigma = {pair: errors_of(alignments[pair].calibration)[1] for pair in own}
+                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, sigma, prior, settings)
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
                 left = [robot for robot in left if robot not in frames]
@@ -152,13 +162,19 @@ def _component(
     trajectories: Mapping[str, Trajectory],
     frames: Mapping[str, FloatArray],
     kept: Mapping[tuple[str, str], KeptLinks],
+    error_sigma: Mapping[tuple[str, str], FloatArray],
     prior: FramePrior,
     settings: SharedTrajectorySettings,
 ) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
     """Joint estimate of robots that links join, and how badly the links of each pair fit it."""
     team = TeamNodes.along(trajectories, kept, NodeSpacing(settings.node_spacing_m, settings.node_turn_rad))
     joint = estimate(
-        team, frames, prior, robust_threshold=settings.robust_threshold, drift_weight=settings.drift_weight
+        team,
+        frames,
+        prior,
+        robust_threshold=settings.robust_threshold,
+        drift_weight=settings.drift_weight,
+        error_sigma={pair: sigma for pair, sigma in error_sigma.items() if sigma.any()},
     )
     return joint, {pair: joint.misfit(links, *team.ends[pair]) for pair, links in kept.items()}
 

@@ -70,7 +70,8 @@ def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequenc
 
     Args:
         folder: of the comparison.
-        summary: `of` (what was compared, for the title), `verdict` and `tables` over all arms and worlds.
+        summary: `of` (what was compared, for the title), `verdict` and `tables` over all arms and worlds, `look_at`
+            (the name of the arm to show first).
         arms: those to look at, at most `MOST_ARMS` of which are taken; the first is what others are compared with.
 
     Raises:
@@ -86,6 +87,7 @@ def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequenc
         "verdict": summary["verdict"],
         "tables": [side_by_side([(arm.name, page["metrics"]) for arm, page in pages]), *summary["tables"]],
         "runs": runs,
+        "look_at": next((n for n, run in enumerate(runs) if run["name"] == summary.get("look_at")), 0),
     }
     write_page(folder / PAGE, report)
 

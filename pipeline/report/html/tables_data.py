@@ -144,7 +144,8 @@ def _difference(value: float, base: float | None, decimals: int, space: str) -> 
     difference = round(value - base, decimals)
     if not difference:
         return "the same"
-    share = "" if not base or space == " %" else f" ({100 * (value / base - 1):+.0f} %)"
+    percent = 0.0 if not base or space == " %" else round(100 * (value / base - 1))
+    share = f" ({percent:+.0f} %)" if percent else ""
     return f"{difference:+,.{decimals}f}{space}{share}"
 
 

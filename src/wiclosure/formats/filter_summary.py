@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wiclosure.memory import peak_rss_mb
-from wiclosure.types import AlignmentHypothesis, FilterResult, FloatArray, FrameAlignment
+from wiclosure.types import AlignmentFit, AlignmentHypothesis, Calibration, FilterResult, FloatArray, FrameAlignment
 
 
 def filter_summary(result: FilterResult) -> dict[str, Any]:
@@ -40,6 +40,31 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "paths_kept": [] if best is None else [list(map(int, kept)) for kept in best.paths_kept],
         "runner_up": None if alignment.runner_up is None else _hypothesis(alignment.runner_up),
         "rivals": [_hypothesis(rival) for rival in alignment.rivals],
+        "fit": None if alignment.fit is None else _fit(alignment.fit),
+        "suspected_fault": alignment.suspected_fault,
+        "calibration": [_calibration(one) for one in alignment.calibration],
+        "corrections": list(alignment.corrections),
+    }
+
+
+def _fit(fit: AlignmentFit) -> dict[str, Any]:
+    """Counts in all, and by time: each list has one entry for each stretch, which begins at `starts` (s)."""
+    counts = {name: getattr(fit, name) for name in ("bearings", "agreeing_bearings", "ranges", "agreeing_ranges")}
+    return {
+        **{name: int(count.sum()) for name, count in counts.items()},
+        "probability": fit.probability,
+        "by_time": {"starts": [int(s) / 1e9 for s in fit.starts_ns]}
+        | {name: [int(n) for n in count] for name, count in counts.items()},
+    }
+
+
+def _calibration(one: Calibration) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "unit": one.unit,
+        "value": one.value,
+        "sigma": one.sigma,
+        "prior_sigma": one.prior_sigma,
     }
 
 

@@ -173,19 +173,19 @@ def robot_log(team, *, planar=False, false=()):
         + [{"stamp": 10**6, "measurements": []}]
         for r, name in enumerate(names)
     }
-    doubtful = {name: [] for name in names}
+    may_be_false = {name: [] for name in names}
     outliers = {name: [] for name in names}
     for row, (q, m, T) in enumerate(team.loops):
         last = entries[names[q[0]]][-1]["measurements"]
         place = [len(entries[names[q[0]]]) - 1, len(last)]
-        doubtful[names[q[0]]].append(place)
+        may_be_false[names[q[0]]].append(place)
         outliers[names[q[0]]] += [place] if row in false else []
         last.append(factor(q, m, T, LOOP_SIGMA))
     return {
         "name": "random",
         "robots": [ord(name) for name in names],
         "measurements": entries,
-        "potential_outlier_factors": doubtful,
+        "potential_outlier_factors": may_be_false,
         "outlier_factors": outliers,
     }
 

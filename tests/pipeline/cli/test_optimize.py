@@ -12,6 +12,7 @@ from wiclosure import se3
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline import cli
+from wiclosure.pipeline.report.html.page import read_page
 
 SIGMA = np.repeat([0.01, 0.05], 3)
 INFORMATION = " ".join(map(str, np.diag(1 / np.roll(SIGMA, 3) ** 2)[np.triu_indices(6)]))  # translation first
@@ -83,6 +84,8 @@ def test_two_graphs_become_one_without_the_false_closures(graphs, tmp_path, monk
     apart = se3.between(a.poses[20], b.poses[20])[:3, 3] - se3.between(truth["a"][20], truth["b"][20])[:3, 3]
     assert np.linalg.norm(apart) < 0.3
     assert len((out / "a_kitti.txt").read_text().splitlines()) == 40
+    (page,) = read_page(out / "report.html")["runs"]
+    assert sum(closure["decision"] == "rejected" for closure in page["closures"]) == 2
 
 
 def test_the_graph_that_is_written_has_the_keys_of_the_one_that_was_read(graphs, tmp_path, monkeypatch, capsys):

@@ -42,6 +42,7 @@ def test_an_arm_that_fails(
 def test_all_arms_and_all_runs_with_links(repeated: Comparison) -> None:
     summary = summary_of(repeated)
     assert summary["of"] == "comparison of none and wiclosure, presets strong and loose, 6 seeds"
+    assert summary["look_at"] == "strong wiclosure"
     arms, against, runs = summary["tables"]
     assert [row[0] for row in arms["rows"]] == ["strong none", "strong wiclosure", "loose none", "loose wiclosure"]
     assert against["rows"]

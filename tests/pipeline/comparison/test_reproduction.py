@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline import cli
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
-from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, report, tables, verdicts
+from wiclosure.pipeline.comparison.reproduction import ARMS, plan_of, reproduction_report, tables, verdicts
 
 
 def metrics(ate_m: float | None, total_s: float) -> dict:
@@ -58,10 +55,10 @@ def test_every_row_of_the_paper_stands_beside_ours(name: str, lost_alone: float 
         assert by_label["ATE (m)"] == ["17" if lost_alone else "not connected", "0.5", "0.5"]
         assert set(by_label["Missed true LC (%)"]) == {"12.5"}
         assert by_label["Total Computation Time (s)"][0] == "41.0 [40.0, 42.0]"
-    text = report(experiment, compared)
+    text = reproduction_report(experiment, compared)
     assert all(sentence in text for sentence in experiment.contradictions)
     assert "first 40 scans" not in text
-    assert "first 40 scans" in report(experiment, compared, 40)
+    assert "first 40 scans" in reproduction_report(experiment, compared, 40)
     assert f"{experiment.presets[0]} with none fails in 3 of 3 worlds; false closures are accepted in 3" in text
     assert f"{experiment.presets[0]} with wiclosure does not fail (0 of 3 worlds)" in text
 
@@ -85,18 +82,3 @@ def test_bad_words(words: tuple[str, Path | None], parts: list[str]) -> None:
         plan_of(words[0], poses=words[1])
     for part in parts:
         assert part in str(error.value)
-
-
-@pytest.mark.slow
-def test_shell_space_through_the_command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["reproduce", "shell-space", "-n", "40", "--out", str(tmp_path / "out"), "--no-cache"]
-    monkeypatch.setattr(sys, "argv", ["wiclosure", *words])
-    with pytest.raises(SystemExit) as stopped:
-        cli.main()
-    assert not stopped.value.code
-    assert "Table II" in capsys.readouterr().out
-    assert "| Total Wi-Closure time (s) | N/A | 0.5 |" in (tmp_path / "out" / "reproduce.md").read_text()
-    runs = json.loads((tmp_path / "out" / "comparison.json").read_text())["runs"]
-    assert [(run["preset"], run["filter"]) for run in runs] == [(p, f) for p in ("disco-park", "strong") for f in ARMS]

@@ -6,21 +6,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiclosure.pipeline.comparison.statistics import FEWEST_PAIRS, paired, spread
+from wiclosure.pipeline.comparison.statistics import FEWEST_PAIRS, paired, spread_of
 
 VALUES = st.dictionaries(st.integers(0, 20), st.one_of(st.floats(0.01, 100.0), st.just(math.inf)), max_size=12)
 
 
 def test_spread_of_a_few_values():
-    found = spread([3.0, 1.0, 2.0, 10.0])
+    found = spread_of([3.0, 1.0, 2.0, 10.0])
     assert (found.runs, found.median, found.smallest, found.largest) == (4, 2.5, 1.0, 10.0)
-    assert spread([]) is None
+    assert spread_of([]) is None
 
 
 def test_a_failure_is_worse_than_any_number():
-    assert spread([1.0, math.inf, 2.0]).median == 2.0
-    assert math.isinf(spread([1.0, math.inf, math.inf]).median)
-    assert math.isinf(spread([1.0, math.inf]).median)
+    assert spread_of([1.0, math.inf, 2.0]).median == 2.0
+    assert math.isinf(spread_of([1.0, math.inf, math.inf]).median)
+    assert math.isinf(spread_of([1.0, math.inf]).median)
 
 
 def test_five_seeds_that_all_improve():

@@ -68,7 +68,7 @@ def test_what_is_connected_lies_over_ground_truth(result: RunResult) -> None:
 
 def test_pictures_of_a_run_and_of_arms(result: RunResult, tmp_path: Path) -> None:
     illustrate_run(tmp_path, result)
-    assert {path.name for path in tmp_path.iterdir()} == {"trajectories.png", "candidates_alpha_beta.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"trajectories.png", "map.png", "candidates_alpha_beta.png"}
     (tmp_path / "arms").mkdir()
     illustrate_arms(tmp_path / "arms", {"none": Sketch.of(result), "oracle": Sketch.of(result)})
     assert {path.name for path in (tmp_path / "arms").iterdir()} == {"trajectories.png", "candidates_alpha_beta.png"}

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures
@@ -55,7 +56,19 @@ def test_robots_that_are_not_connected_are_not_drawn_into_a_frame_that_is_not_th
     image = pixels(tmp_path / "t.png")
     right = image[:-60, image.shape[1] // 2 :]
     assert share_of(right, ALPHA) > 3e-4
-    assert share_of(right, BETA) < 1e-4
+    beta = np.argwhere(np.abs(right - to_rgb(BETA)).max(axis=2) < 0.05)
+    assert len(beta)  # in a box of its own: below and to the right, not over the others' frame
+    assert beta[:, 0].min() > 0.4 * right.shape[0]
+    assert beta[:, 1].min() > 0.5 * right.shape[1]
+
+
+def test_before_merging_each_robot_has_a_place_of_its_own(tmp_path):
+    far = replace(VIEW, odometry={"alpha": RING + 1e4, "beta": RING})
+    draw_run(tmp_path / "t.png", far)
+    image = pixels(tmp_path / "t.png")[:-60]
+    left = image[:, : image.shape[1] // 2]
+    alpha, beta = (np.argwhere(np.abs(left - to_rgb(colour)).max(axis=2) < 0.05)[:, 0] for colour in (ALPHA, BETA))
+    assert alpha.max() < beta.min()
 
 
 def test_false_closures_stand_out(tmp_path):
@@ -75,3 +88,11 @@ def test_any_number_of_arms_is_drawn_even_without_truth_or_closures(tmp_path, ar
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(OutputError, match="nowhere"):
         draw_run(tmp_path / "nowhere" / "picture.png", VIEW)
+
+
+def test_names_that_look_like_formulas_are_names(tmp_path):
+    name = r"a$\frac$b_{"
+    odd = replace(VIEW, odometry={name: RING, "beta": RING}, paths={name: RING}, truth={})
+    draw_merged(tmp_path / "t.png", {name: odd})
+    draw_run(tmp_path / "u.png", odd)
+    assert share_of(pixels(tmp_path / "t.png"), ALPHA) > 3e-4

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import Field, ValidationError
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.runtime.settings_text import explain, merge, nest, nested_words
+from wiclosure.pipeline.runtime.settings_text import explain, merged_settings, nest, nested_words
 from wiclosure.settings import Settings
 
 
@@ -55,9 +55,9 @@ def test_a_value_lies_below_all_its_keys() -> None:
 
 @given(trees, trees, trees)
 def test_layers_can_be_merged_in_any_grouping(a: dict[str, Any], b: dict[str, Any], c: dict[str, Any]) -> None:
-    assert merge(a, a) == merge(a, {}) == merge({}, a) == a
-    assert merge(merge({}, a), b) == merge(a, b)
-    assert set(merge(merge(a, b), c)) == set(a) | set(b) | set(c)
+    assert merged_settings(a, a) == merged_settings(a, {}) == merged_settings({}, a) == a
+    assert merged_settings(merged_settings({}, a), b) == merged_settings(a, b)
+    assert set(merged_settings(merged_settings(a, b), c)) == set(a) | set(b) | set(c)
 
 
 @pytest.mark.parametrize(

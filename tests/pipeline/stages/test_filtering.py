@@ -17,6 +17,7 @@ from wiclosure import se3
 from wiclosure.formats.tum import write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.pipeline import cli
+from wiclosure.pipeline.report.html.page import read_page
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog
 
@@ -94,10 +95,13 @@ def test_true_pairs_are_kept_and_others_pruned(files: dict[str, Trajectory], wic
     assert error @ np.linalg.solve(covariance, error) < 22.5  # chi-square, 6 degrees of freedom, 99.9 %
 
 
-def test_pictures_are_drawn(files: dict[str, Trajectory], wiclosure: Call) -> None:
+def test_pictures_are_drawn_with_a_page(files: dict[str, Trajectory], wiclosure: Call) -> None:
     assert wiclosure("--plot", "pictures", "--quiet") == (0, "", "")
     (picture,) = Path("pictures").glob("*.png")
     assert picture.stat().st_size > 10_000
+    report = read_page(Path("pictures/report.html"))
+    assert report["title"] == "alpha and beta: pairs that the filter wiclosure keeps"
+    assert report["runs"][0]["radio"][0]["certain"]
 
 
 def test_no_measurement_passes_all_pairs_and_says_so(files: dict[str, Trajectory], wiclosure: Call) -> None:

@@ -10,9 +10,14 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.drifting_frames import BandedSystem, drift_matters, follow_drift
+from wiclosure.wiclosure_filter.alignment.calibration import COUNT
+from wiclosure.wiclosure_filter.alignment.drifting_frames import BorderedSystem, follow_drift
 from wiclosure.wiclosure_filter.alignment.refinement import climb
+from wiclosure.wiclosure_filter.config import CalibrationPriors
 
+PERFECT = CalibrationPriors(
+    range_bias_m=1e-5, range_scale=1e-6, clock_s=1e-6, mounting_rad=1e-6, scale=1e-6
+)  # what is not to be estimated
 DRIFT = DriftModel(translation_walk=0.01, rotation_walk=0.02)
 
 
@@ -32,7 +37,7 @@ def turning(rate_rad: float) -> Callable[[FloatArray], FloatArray]:
 def test_without_drift_the_truth_stays(kind: str, make_case: Callable[..., object]) -> None:
     case = make_case(kind, drift=DRIFT)
     mixture, drift = case.problem.anchored_at(5)
-    frames = follow_drift(case.state, mixture, drift, case.problem.prior, case.problem.odometry)
+    frames = follow_drift(case.state, mixture, drift, case.problem.prior, case.problem.odometry, PERFECT)
     np.testing.assert_allclose(frames.state, case.state, atol=1e-3)
     np.testing.assert_allclose(frames.yaw, case.state[0], atol=1e-3)
     true = se3.transform(case.T_a_b, case.links.antenna_b) - case.links.antenna_a
@@ -46,7 +51,7 @@ def test_the_yaw_follows_an_odometry_that_turns(make_case: Callable[..., object]
     case = make_case("reciprocal", heard=30, drift=DRIFT, odometry_of_b=turning(0.01))
     mixture, drift = case.problem.anchored_at(30)
     rigid = climb(case.state[None], mixture, case.problem.prior).states[0]
-    frames = follow_drift(rigid, mixture, drift, case.problem.prior, case.problem.odometry)
+    frames = follow_drift(rigid, mixture, drift, case.problem.prior, case.problem.odometry, PERFECT)
     expected = case.state[0] - 0.01 * case.problem.observations.index_b
     assert np.abs(frames.yaw - expected).max() < 0.1  # most at the ends, where a walk is taken to stop
     assert np.abs(frames.yaw - expected)[15:45].max() < 0.02
@@ -57,25 +62,26 @@ def test_the_yaw_follows_an_odometry_that_turns(make_case: Callable[..., object]
     assert frames.middle in np.flatnonzero(np.abs(case.problem.observations.index_a - 30) < 3)
 
 
-def test_drift_matters_over_long_distances_only(make_case: Callable[..., object]) -> None:
-    short, long = make_case(), make_case(drift=DriftModel(translation_walk=0.3, rotation_walk=0.01))
-    assert not drift_matters(short.problem.anchored_at(0)[1], short.problem.observations)
-    assert drift_matters(long.problem.anchored_at(0)[1], long.problem.observations)
-    one = make_case(heard=1, drift=DriftModel(translation_walk=0.3, rotation_walk=0.01))
-    assert not drift_matters((np.array([9.0]), np.array([9.0])), one.problem.observations)
-
-
-def test_the_banded_system_is_the_dense_one() -> None:
+@pytest.mark.parametrize("with_border", [0.0, 1.0])
+def test_the_bordered_system_is_the_dense_one(with_border: float) -> None:
     rng = np.random.default_rng(0)
     diagonal = rng.normal(size=(5, 4, 4))
     diagonal = diagonal @ np.swapaxes(diagonal, 1, 2) + 20 * np.eye(4)
     upper, gradient = rng.normal(size=(4, 4, 4)), rng.normal(size=(5, 4))
-    dense = np.zeros((20, 20))
+    border, of_errors = with_border * rng.normal(size=(5, 4, COUNT)), 30 * np.eye(COUNT)
+    gradient_of_errors = rng.normal(size=COUNT)
+    dense = np.zeros((20 + COUNT, 20 + COUNT))
     for m in range(5):
         dense[4 * m : 4 * m + 4, 4 * m : 4 * m + 4] = diagonal[m]
     for m in range(4):
         dense[4 * m : 4 * m + 4, 4 * m + 4 : 4 * m + 8] = upper[m]
         dense[4 * m + 4 : 4 * m + 8, 4 * m : 4 * m + 4] = upper[m].T
-    system = BandedSystem(diagonal, upper, gradient)
-    np.testing.assert_allclose(system.solved(), np.linalg.solve(dense, gradient.ravel()))
-    np.testing.assert_allclose(system.marginal(2), np.linalg.inv(dense)[8:12, 8:12], atol=1e-12)
+    dense[:20, 20:] = border.reshape(20, COUNT)
+    dense[20:, :20] = dense[:20, 20:].T
+    dense[20:, 20:] = of_errors
+    system = BorderedSystem(diagonal, upper, gradient, border, of_errors, gradient_of_errors)
+    solution = np.linalg.solve(dense, np.concatenate([gradient.ravel(), gradient_of_errors]))
+    np.testing.assert_allclose(np.concatenate(system.solved()), solution)
+    inverse, rows = np.linalg.inv(dense), np.r_[8:12, 20 : 20 + COUNT]
+    np.testing.assert_allclose(system.marginal(2), inverse[np.ix_(rows, rows)], atol=1e-12)
+    np.testing.assert_allclose(system.covariance_of_errors(), inverse[20:, 20:], atol=1e-12)

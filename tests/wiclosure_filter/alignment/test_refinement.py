@@ -82,15 +82,13 @@ def test_prior_terms_are_the_derivatives_of_its_density() -> None:
     assert blind.log_density(state[None])[0] == pytest.approx(-0.5)
 
 
-def test_prior_of_headings_and_of_the_ground(make_case: Callable[..., object]) -> None:
-    level, climbing = (make_case("heading", elevated=elevated) for elevated in (False, True))
-    numbers = {"height_sigma_m": 10.0, "height_ratio": 0.1}
-    prior = Prior.of(level.problem.observations, use_headings=True, **numbers)
-    assert prior.yaw == pytest.approx(float(se3.yaw(level.T_a_b)), abs=1e-6)
+def test_prior_of_headings(make_case: Callable[..., object]) -> None:
+    case = make_case("heading")
+    prior = Prior.of(case.problem.observations, use_headings=True, height_sigma_m=2.0)
+    assert prior.yaw == pytest.approx(float(se3.yaw(case.T_a_b)), abs=1e-6)
     assert prior.yaw_sigma == pytest.approx(0.05 * np.sqrt(2))  # as sure as one reading, however many there are
-    assert prior.height_sigma_m == pytest.approx(0.1 * level.problem.observations.typical_distance_m)
-    assert Prior.of(climbing.problem.observations, use_headings=True, **numbers).height_sigma_m == 10.0
-    assert np.isnan(Prior.of(level.problem.observations, use_headings=False, **numbers).yaw)
+    assert prior.height_sigma_m == 2.0
+    assert np.isnan(Prior.of(case.problem.observations, use_headings=False, height_sigma_m=2.0).yaw)
 
 
 def test_displacement_is_the_root_mean_square_of_b_moved(make_case: Callable[..., object]) -> None:

@@ -83,7 +83,9 @@ def comparison_page(run_of: Runs, tmp_path_factory: pytest.TempPathFactory) -> P
         arms.append(Arm(name, folder / name))
     table = {"caption": "All runs", "header": ["report"], "rows": [[{"text": "none", "link": "none/report.html"}]]}
     verdict = {"tone": "good", "sentence": "Quicker.", "next": [], "notes": []}
-    write_comparison_report(folder, {"of": "comparison", "verdict": verdict, "tables": [table]}, arms)
+    write_comparison_report(
+        folder, {"of": "comparison", "verdict": verdict, "tables": [table], "look_at": "wiclosure"}, arms
+    )
     return folder / "report.html"
 
 
@@ -232,6 +234,8 @@ def test_colours_follow_the_choice_and_print_is_light(opened: Open, run_page: Pa
     assert page.evaluate(background) == "rgb(20, 24, 28)"
     page.emulate_media(media="print")
     assert not page.locator("nav").is_visible()
+    page.set_viewport_size({"width": 700, "height": 900})  # about a page's width
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_who_wants_no_motion_gets_none(opened: Open, run_page: Path) -> None:

@@ -32,7 +32,7 @@ def test_a_robot_keeps_both_ends_of_a_long_path() -> None:
         3, 10, path=path, odometry=path, keyframes=line("a", 7), placement=Placement.of((("a",),), {"a": path})
     )
     drawn = unpacked(entry["merged"])
-    assert len(drawn) == 3_000
+    assert len(drawn) == 1_500
     np.testing.assert_allclose(drawn[[0, -1], 0], [-19_999.5, 19_999.5], atol=0.01)
     np.testing.assert_allclose(unpacked(entry["keyframe_times"]), np.arange(7))
     assert entry["colour"] == "#{:02x}{:02x}{:02x}".format(*ROBOT_COLOURS[3])

@@ -22,7 +22,7 @@ function verdict(of) {
   return el("div", { class: `verdict ${of.tone}` },
     el("p", { class: "sentence" }, of.sentence),
     of.next?.length ? [el("p", { class: "next" }, "What to do next"), list(of.next)] : null,
-    of.notes?.length ? el("details", { open: !of.next?.length }, el("summary", {}, "What the run says of itself"), list(of.notes)) : null);
+    of.notes?.length ? el("details", { open: !of.next?.length }, el("summary", {}, "Notes"), list(of.notes)) : null);
 }
 
 const tables = (of) => (of ?? []).map((t) => [table(t.caption, t.header, t.rows, { wide: t.header.join(" ").length > 55 }), t.note ? el("p", { class: "note" }, t.note) : null]);
@@ -85,18 +85,18 @@ function colours() {
 
 async function start() {
   document.querySelector("header").append(colours());
-  const { runs } = report, last = runs.length - 1;
+  const { runs } = report, first = report.look_at ?? 0;
   const of = report.verdict ?? runs[0].verdict, numbers = report.numbers ?? (runs.length === 1 ? runs[0].numbers : []);
   document.querySelector("main").replaceChildren(...[
     verdict(of),
     numbers?.length ? cards(numbers) : null,
     section("comparison", "All arms", tables(report.tables)),
     runs.length > 1
-      ? el("div", { class: "arms" }, toggles("Look at the arm", runs.map((run, k) => ({ label: run.name, value: String(k), checked: k === last, change: () => showRun(run) })), { type: "radio", group: "arm" }))
+      ? el("div", { class: "arms" }, toggles("Look at the arm", runs.map((run, k) => ({ label: run.name, value: String(k), checked: k === first, change: () => showRun(run) })), { type: "radio", group: "arm" }))
       : null,
     el("div", { id: "run" }),
   ].filter(Boolean));
-  await showRun(runs[last]);
+  await showRun(runs[first]);
   document.documentElement.dataset.ready = "true";
 }
 

@@ -113,7 +113,7 @@ export async function scene3d(run, onClosure) {
     recolour();
     draw();
   };
-  return { node: el("div", {}, controlsBar({ run, groups, map, draw, look }), frame, el("p", { class: "note" },
+  return { node: el("div", {}, controlsBar({ run, groups, map, draw, look }), frame, el("p", { class: "note hands-on" },
     "Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at a keyframe, closure or link to see what it is; click a closure to see its scans.")), highlight };
 }
 

@@ -1,0 +1,240 @@
+"""Whole runs whose radio has one systematic error: is the map ever worse for having a radio, and is the radio named?
+
+    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--show]
+
+Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
+that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
+and how many of them are false, and whether a sentence of the diagnosis names the radio as the likely fault.  `worse`
+marks rows whose error is above 1.05 times that of `none` (and by more than 5 cm), or that connect fewer robots.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.data.inputs import Inputs, RobotInput
+from wiclosure.pipeline.data.open_inputs import open_inputs
+from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
+from wiclosure.pipeline.runtime.progress import NoProgress
+from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run
+from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.types import AoaFrame, AoaPath, Heading, Scan, Trajectory, WirelessLog, WirelessMeasurement
+
+RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
+FEET = 3.28084
+LIMIT, SLACK_M = 1.05, 0.05
+NAMED = ("the likely fault", "the radio may be at fault", "--accept-correction")
+
+
+# Faults of a log ---------------------------------------------------------------------------------------------------
+
+
+Fault = Callable[[WirelessLog], WirelessLog]
+
+
+def each(change: Callable[[WirelessMeasurement], WirelessMeasurement]) -> Fault:
+    """Measurements changed one by one."""
+    return lambda log: replace(log, measurements=tuple(change(m) for m in log.measurements))
+
+
+def azimuths(change: Callable[[float], float]) -> Fault:
+    """Directions of arrival changed."""
+
+    def changed(path: AoaPath) -> AoaPath:
+        return replace(path, azimuth=float(np.remainder(change(path.azimuth) + np.pi, 2 * np.pi) - np.pi))
+
+    return each(lambda m: replace(m, paths=tuple(map(changed, m.paths))))
+
+
+def ranges(change: Callable[[float], float], sigma: float = 1.0) -> Fault:
+    """Ranges changed."""
+    return each(
+        lambda m: (
+            m
+            if m.range_m is None or m.range_sigma_m is None
+            else replace(m, range_m=abs(change(m.range_m)), range_sigma_m=sigma * m.range_sigma_m)
+        )
+    )
+
+
+def clocks(seconds: float) -> Fault:
+    """The clock of the later robot of each pair is ahead, as its own log would have it: its pose is looked up late."""
+    late_ns = round(seconds * 1e9)
+
+    def shifted(m: WirelessMeasurement) -> WirelessMeasurement:
+        sent_ns = m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns
+        if m.receiver < m.transmitter:
+            return replace(m, transmitter_stamp_ns=sent_ns + late_ns)
+        return replace(m, stamp_ns=m.stamp_ns + late_ns, transmitter_stamp_ns=sent_ns)
+
+    return each(shifted)
+
+
+def claimed(frame: AoaFrame) -> Fault:
+    """The wrong `aoa_frame`."""
+    return each(lambda m: replace(m, aoa_frame=frame))
+
+
+def compass(degrees: float) -> Fault:
+    """The compass of the robot that is last by name is turned."""
+
+    def spoil(log: WirelessLog) -> WirelessLog:
+        last, off = max(log.robots()), np.radians(degrees)
+
+        def turned(h: Heading) -> Heading:
+            return replace(h, heading=float(h.heading + off)) if h.robot == last else h
+
+        return replace(log, headings=tuple(map(turned, log.headings)))
+
+    return spoil
+
+
+FAULTS: Mapping[str, Fault] = {
+    "honest": lambda log: log,
+    "clocks 0.5 s": clocks(0.5),
+    "clocks 2 s": clocks(2.0),
+    "azimuth clockwise": azimuths(lambda a: -a),
+    "azimuth from the left": azimuths(lambda a: a - np.pi / 2),
+    "azimuth reversed": azimuths(lambda a: a + np.pi),
+    "azimuth +20 deg": azimuths(lambda a: a + np.radians(20)),
+    "azimuth in degrees": azimuths(np.degrees),
+    "ranges in feet": ranges(lambda r: FEET * r, FEET),
+    "ranges +3 m": ranges(lambda r: r + 3.0),
+    "sigmas a tenth": ranges(lambda r: r, 0.1),
+    "aoa_frame odometry": claimed("odometry"),
+    "ids swapped": each(lambda m: replace(m, receiver=m.transmitter, transmitter=m.receiver)),
+    "compass +20 deg": compass(20.0),
+    "compass +180 deg": compass(180.0),
+}
+
+
+# Data --------------------------------------------------------------------------------------------------------------
+
+
+SCENARIOS: Mapping[str, str] = {
+    "demo-site": "scenario:demo-site",
+    "shell-space": "scenario:shell-space",
+    "city-0.3": "scenario:city,aliasing=0.3",
+    "city-0.9": "scenario:city,aliasing=0.9",
+    "static-mirror": "scenario:static-mirror",
+    "campus": "scenario:campus",
+}
+
+
+@dataclass(frozen=True)
+class Scans:
+    """Scans in memory."""
+
+    scans: tuple[Scan, ...]
+    description: str = "part of a recorded drive"
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __iter__(self) -> Iterator[Scan]:
+        return iter(self.scans)
+
+
+def recorded(seed: int) -> Inputs:
+    """The first and the last 3/5 of KITTI drive 0926_0005 as two robots that start together; radio from its poses."""
+    with np.load(RECORDED) as pack:
+        poses, stamps_ns = pack["poses"], np.rint(pack["stamps"] * 1e9).astype(np.int64)
+        xyz, offsets, scale = pack["xyz"], pack["offsets"], float(pack["scale"])
+    parts = {"alpha": (np.arange(0, 95, 2), 0), "beta": (np.arange(61, 154, 2), -6_000_000_000)}
+    truth, robots = {}, []
+    for robot, (rows, later_ns) in parts.items():
+        truth[robot] = Trajectory(robot, stamps_ns[rows] + later_ns, poses[rows])
+        clouds = (np.ascontiguousarray(xyz[:, offsets[i] : offsets[i + 1]].T * scale) for i in rows)
+        scans = tuple(Scan(int(t), c) for t, c in zip(truth[robot].stamps_ns, clouds, strict=True))
+        robots.append(RobotInput(robot, Scans(scans), ["mutual", robot], truth[robot]))
+    radio = RadioSettings(every_m=4.0, direction="reciprocal", paths=5)
+    return Inputs(tuple(robots), simulate_wireless_from_poses(truth, radio, seed=seed))
+
+
+def inputs_of(name: str, seed: int) -> Inputs:
+    """A data set of that name."""
+    return recorded(seed) if name == "kitti-0005" else open_inputs([_seeded(SCENARIOS[name], seed)])
+
+
+def _seeded(scenario: str, seed: int) -> str:
+    return f"{scenario},seed={seed}"
+
+
+# Runs --------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a row shows."""
+
+    ate_m: float
+    connected: int
+    accepted: int
+    false: int
+    named: bool
+    seconds: float
+
+    @classmethod
+    def of(cls, result: RunResult, seconds: float) -> Outcome:
+        """Of a run.  Where robots are apart, the error is that of the largest component."""
+        metrics = result.metrics
+        largest = max(metrics["components"], key=lambda c: len(c["robots"]))
+        ate_m = metrics["ate_m"].get("team") or largest["ate_m"] or float("nan")
+        named = any(words in sentence for sentence in metrics["diagnosis"] for words in NAMED)
+        closures = metrics["closures"]
+        return cls(ate_m, len(largest["robots"]), closures["accepted"], closures["accepted_false"] or 0, named, seconds)
+
+    def worse_than(self, other: Outcome) -> bool:
+        """Whether this map is worse, or has fewer robots."""
+        return self.connected < other.connected or self.ate_m > max(LIMIT * other.ate_m, other.ate_m + SLACK_M)
+
+
+def main() -> None:
+    """Prints the rows."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", default=",".join([*SCENARIOS, "kitti-0005"]))
+    parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--show", action="store_true", help="print the diagnosis of every run")
+    arguments = parser.parse_args()
+    words = [word for word in arguments.faults.split(",") if word]
+    print(f"{'data':14} {'run':22} {'ATE m':>7} {'robots':>6} {'closures':>8} {'false':>5} {'named':>5} {'s':>6}")
+    for name in arguments.data.split(","):
+        inputs, config, progress = inputs_of(name, arguments.seed), Config(), NoProgress()
+        cache = StageCache(default_cache_folder())
+        prepared = prepare(inputs, config, cache=cache, jobs=arguments.jobs, progress=progress)
+        runs: dict[str, tuple[str, Fault]] = {"none": ("none", FAULTS["honest"])}
+        chosen = [fault for fault in FAULTS if not words or any(word in fault for word in words)]
+        runs |= {fault: ("wiclosure", FAULTS[fault]) for fault in chosen}
+        without: Outcome | None = None
+        for label, (filter_name, spoil) in runs.items():
+            spoilt = replace(inputs, wireless=spoil(inputs.wireless))
+            if label not in {"honest", "none"} and spoilt.wireless == inputs.wireless:
+                continue
+            began = time.perf_counter()
+            result = run(
+                replace(prepared, inputs=spoilt), candidate_filter(filter_name, spoilt, config), progress=progress
+            )
+            outcome = Outcome.of(result, time.perf_counter() - began)
+            without = without or outcome
+            print(
+                f"{name:14} {label:22} {outcome.ate_m:7.2f} {outcome.connected:6d} {outcome.accepted:8d}"
+                f" {outcome.false:5d} {'yes' if outcome.named else '':>5} {outcome.seconds:6.1f}"
+                f" {'worse' if outcome.worse_than(without) else ''}",
+                flush=True,
+            )
+            if arguments.show:
+                print(*(f"    {sentence}" for sentence in result.metrics["diagnosis"]), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,257 @@
+"""Radio and closures check each other: where they contradict each other, the loser is dropped for that pair of robots.
+
+The radio's predictions reject registrations one by one, which is right as long as the radio is.  Closures that agree
+with each other, and that chance does not explain, are evidence on the frames as well: where hardly anything agrees with
+the predictions, look-alike pairs are registered without them, and a set that they make is weighed against the radio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from wiclosure import se3
+from wiclosure.backends.pcm import pairwise_consistent
+from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
+from wiclosure.types import (
+    CandidatePairs,
+    Closure,
+    KeyframeId,
+    PredictionKind,
+    Stage,
+    Trajectory,
+    WirelessLog,
+    capped_covariance,
+    survivors,
+)
+
+_FEWEST = 3  # closures that agree with the radio, from which on nothing is in doubt
+_PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
+_NEAR_M = 5.0  # keyframes that are so near register, if they are truly there
+
+Pair = tuple[str, str]
+RegisterBlindly = Callable[[Pair, Sequence[Closure]], list[Closure]]
+"""Registers look-alike pairs of two robots, and the closures given, without any prediction."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairOutcome:
+    """What filter, matching, registration and radio check made of two robots.
+
+    Args:
+        pair: the robots.
+        kept: pairs that the filter kept, with its predictions.
+        registered: closures as registration left them.
+        checked: the same as the radio check left them.
+    """
+
+    pair: Pair
+    kept: CandidatePairs
+    registered: tuple[Closure, ...]
+    checked: tuple[Closure, ...]
+
+    @property
+    def live(self) -> list[Closure]:
+        """Closures that agree with all that is known of the frames so far."""
+        return [closure for closure in self.checked if closure.live]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What came of two robots that radio and closures tell differently of.
+
+    Args:
+        pair: the robots.
+        weighed: the verdict; None where no set of closures contradicts the radio.
+        blind: closures that were registered without prediction.
+        lost: closures of the first round that are not believed.
+        sentence: for the user; empty where there is nothing to say.
+    """
+
+    pair: Pair
+    weighed: Weighed | None = None
+    blind: tuple[Closure, ...] = ()
+    lost: frozenset[tuple[KeyframeId, KeyframeId]] = frozenset()
+    sentence: str = ""
+
+    @property
+    def drops_radio(self) -> bool:
+        """Whether these robots go on without radio."""
+        return self.weighed is not None and self.weighed.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+
+
+def judge(
+    outcome: PairOutcome,
+    trajectories: Mapping[str, Trajectory],
+    wireless: WirelessLog,
+    config: Config,
+    register_blindly: RegisterBlindly,
+) -> Judged:
+    """Looks for a set of closures that contradicts the radio, and weighs the two.
+
+    Args:
+        outcome: of two robots that heard each other.
+        trajectories: keyframe odometry of all robots.
+        wireless: the whole log.
+        config: of the run.
+        register_blindly: the second round of registration, which is only asked for where the first is in doubt.
+    """
+    both = {robot: trajectories[robot] for robot in outcome.pair}
+    radio = PairRadio.of(outcome.pair, both, wireless, config.filter.alignment)
+    nothing = Judged(outcome.pair)
+    if radio.measurements == 0:
+        return nothing
+    found = _found(outcome, both, config, register_blindly)
+    if len(found.agreeing) < 2:
+        return nothing
+    if found.gap is not None and not found.gap.contradicts:
+        return Judged(outcome.pair, None, tuple(c for c in found.blind if c.live))
+    middle = [central(found.agreeing, both)]
+    claimed = radio.claimed(middle)
+    agrees = found.gap is None and agrees_with_radio(claimed)
+    errors = radio.errors(middle, search=not agrees)
+    closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
+    predicted, refuted = _for_and_against(outcome, config.registration)
+    weighed = weigh(claimed, errors, closures, predicted, refuted, config.mutual_check)
+    if agrees and weighed.verdict is not Verdict.CLOSURES:
+        return nothing
+    believed = outcome.live if weighed.verdict is Verdict.RADIO else ()
+    lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(believed))
+    return Judged(outcome.pair, weighed, found.blind, lost, _sentence(outcome.pair, weighed, closures, found.gap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Closures that agree with each other, in spite of the radio.
+
+    Args:
+        agreeing: the set.
+        others: registered closures that contradict it.
+        blind: all that were registered without prediction to find it.
+        gap: from what is predicted of the set; None where nothing is.
+    """
+
+    agreeing: Sequence[Closure] = ()
+    others: int = 0
+    blind: tuple[Closure, ...] = ()
+    gap: _Gap | None = None
+
+
+def _found(
+    outcome: PairOutcome, both: Mapping[str, Trajectory], config: Config, register_blindly: RegisterBlindly
+) -> _Found:
+    """The set that may contradict the radio; nothing where the first round of registration is in no doubt."""
+    pools: list[Sequence[Closure]] = [outcome.live, outcome.registered]
+    blind: tuple[Closure, ...] = ()
+    if outcome.kept.predicts is not None:
+        contradicting = _contradicting(outcome.registered, config.registration)
+        if len(outcome.live) >= max(_FEWEST, len(contradicting)):
+            return _Found()
+        blind = tuple(register_blindly(outcome.pair, contradicting))
+        pools = [blind]
+    for pool in pools:
+        agreeing = survivors(pairwise_consistent(pool, both, config.pcm).closures, Stage.CONSISTENCY)
+        if len(agreeing) > 1:
+            others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
+            return _Found(agreeing, others, blind, _gap(outcome.kept, agreeing, config.registration))
+    return _Found(blind=blind)
+
+
+def _ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId]]:
+    return frozenset((c.query, c.match) for c in closures)
+
+
+def places(closures: Sequence[Closure]) -> float:
+    """How many separate places closures come from, by how far they reach along the path on which that is less."""
+    if not closures:
+        return 0.0
+    ends = np.array([(c.query.index, c.match.index) for c in closures])
+    return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
+
+
+def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings) -> list[Closure]:
+    """Those that registration would have accepted, had nothing been predicted."""
+    limit = stats.chi2.ppf(settings.prior_probability, df=6)
+    return [
+        closure
+        for closure in registered
+        if closure.rejected_at is Stage.REGISTRATION
+        and (found := closure.evidence) is not None
+        and (found.prediction_chi2 or 0.0) > limit
+        and found.inlier_ratio >= settings.min_inlier_ratio
+        and found.agreement >= settings.min_agreement
+    ]
+
+
+def _for_and_against(outcome: PairOutcome, settings: RegistrationSettings) -> tuple[Agreement, float]:
+    """Closures that agree with the predictions, and separate places where no registration found what is predicted."""
+    if outcome.kept.predicts is None:
+        return Agreement(0, 0, 0.0), 0.0
+    live = outcome.live
+    predicted = Agreement(len(live), len(_contradicting(outcome.registered, settings)), places(live))
+    near = [
+        c
+        for c in outcome.registered
+        if c.prediction is not None
+        and c.prediction.kind is PredictionKind.POSE
+        and float(np.linalg.norm(c.prediction.T_query_match[:3, 3])) < _NEAR_M
+    ]
+    return predicted, 0.0 if live else places(near)
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """How far closures lie from what is predicted of them: medians."""
+
+    metres: float
+    degrees: float
+    height_m: float
+    contradicts: bool
+
+    def __str__(self) -> str:
+        height = f", {abs(self.height_m):.1f} m of it in height" if abs(self.height_m) > self.metres / 2 else ""
+        return f"{self.metres:.1f} m{height} and {self.degrees:.0f} degrees from where it puts them"
+
+
+def _gap(kept: CandidatePairs, closures: Sequence[Closure], settings: RegistrationSettings) -> _Gap | None:
+    """None where nothing is predicted."""
+    if kept.predictor is None:
+        return None
+    index_a, index_b = np.array([(c.query.index, c.match.index) for c in closures]).T
+    predicted, covariance = kept.predictor.relative_poses(kept.robot_a, index_a, kept.robot_b, index_b)
+    measured = [c.measured for c in closures if c.measured is not None]
+    off = se3.between(predicted, np.stack([m.T_query_match for m in measured]))
+    errors = se3.log(off)
+    spread = settings.prediction_scale**2 * covariance + np.stack([capped_covariance(m.covariance) for m in measured])
+    chi2 = np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[..., None])[..., 0])
+    return _Gap(
+        metres=float(np.median(np.linalg.norm(off[:, :3, 3], axis=1))),
+        degrees=float(np.degrees(np.median(se3.rotation_angle(off)))),
+        height_m=float(np.median(off[:, 2, 3])),
+        contradicts=bool(np.median(chi2) > stats.chi2.ppf(settings.prior_probability, df=6)),
+    )
+
+
+def _sentence(pair: Pair, weighed: Weighed, closures: Agreement, gap: _Gap | None) -> str:
+    found = f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" lie {gap}")
+    odds = f"10^{weighed.log_odds / np.log(10):.0f} to 1" if weighed.log_odds < 700 else "beyond doubt"
+    fault = f"most likely: {weighed.cause}"
+    said = {
+        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; {found}; its measurements between these"
+        " robots are left out",
+        Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): {found}, and its measurements allow"
+        " that as well; it was less certain than it seemed, and is left out between these robots",
+        Verdict.RADIO: f"places that look alike are the likely fault ({odds}): {found}, but contradict the radio, which"
+        " nothing else speaks against; the closures are left out",
+        Verdict.NEITHER: f"the radio is the likely fault ({odds}), {fault}; with that put right it still contradicts"
+        f" {found}: from places that look alike, it seems; no closure between these robots is accepted",
+        Verdict.UNDECIDED: f"undecided ({np.exp(min(weighed.log_odds, 9.0)):.0f} to 1): {found} and contradict the"
+        f" radio; the radio may be at fault, {fault}, or the places look alike; no closure between them is accepted",
+    }
+    return f"{pair[0]} and {pair[1]}: {said[weighed.verdict]}"

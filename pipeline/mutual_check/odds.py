@@ -1,0 +1,134 @@
+"""Radio against closures: which of the two is wrong, by the odds.
+
+Three kinds of stories are weighed, each with all that it has to explain:
+
+- *the radio is right*, and the closures that contradict it come from places that look alike;
+- *the closures are right*, and the log as it claims to be is compatible with them after all, or has one of the known
+  systematic errors, or an unknown one, which leaves noise or happens to fit another alignment;
+- *neither*: the log has a known error, and with that undone tells an alignment that contradicts the closures, too.
+
+An alignment that the closures imply costs the log nothing; one that the log chooses for itself is one of many as exact
+(MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28: the Occam factor).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wiclosure.pipeline.config import MutualCheckSettings
+from wiclosure.pipeline.mutual_check.radio_evidence import Explained
+
+_MOST_PLACES = 3  # that count as separate: regular surroundings repeat themselves
+_FAILS_IF_RIGHT = 0.3  # registrations near the predicted pose of keyframes that are truly so near
+_TELLING = float(np.log(100.0))  # evidence beyond that of a log that says nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Closures that agree with each other, or with the radio.
+
+    Args:
+        agreeing: how many.
+        others: registered closures of the same robots that contradict them.
+        places: separate places along the paths that they come from.
+    """
+
+    agreeing: int
+    others: int
+    places: float
+
+    @property
+    def log_look_alike(self) -> float:
+        """Log-probability that all of them are false.
+
+        Each separate place has to look like another; how often that happens in these surroundings, the share of
+        registered closures says that contradict the rest (with half a closure to either side, Jeffreys' prior).
+        """
+        share = (self.others + 0.5) / (self.agreeing + self.others + 1.0)
+        return min(self.places, _MOST_PLACES) * float(np.log(share)) if self.agreeing else 0.0
+
+
+class Verdict(StrEnum):
+    """Who is right."""
+
+    COMPATIBLE = "compatible"
+    RADIO = "radio"
+    CLOSURES = "closures"
+    NEITHER = "neither"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """A verdict, its odds against all else as a natural logarithm, and the likeliest error of the radio if any."""
+
+    verdict: Verdict
+    log_odds: float
+    cause: str
+
+
+def agrees_with_radio(claimed: Explained) -> bool:
+    """Whether the log, as it claims to be, speaks for the alignment of closures, and for no other."""
+    return claimed.implied > _TELLING and not claimed.contradicts
+
+
+def weigh(
+    claimed: Explained,
+    errors: Sequence[Explained],
+    closures: Agreement,
+    predicted: Agreement,
+    refuted_places: float,
+    settings: MutualCheckSettings,
+) -> Weighed:
+    """Weighs the stories.
+
+    Args:
+        claimed: the log as it claims to be.
+        errors: the log with each known systematic error undone.
+        closures: those that agree with each other and contradict the radio.
+        predicted: those that agree with the radio.
+        refuted_places: separate places where the radio predicts two keyframes close together, of which registration
+            found none to be.
+        settings: probabilities of errors, and when odds are decisive.
+    """
+    known, unknown = settings.systematic_error, settings.unknown_error
+    as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
+    other_look_alike = predicted.log_look_alike
+    radio = (
+        as_claimed
+        + claimed.log_evidence
+        + closures.log_look_alike
+        + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
+    )
+    right = {
+        "": as_claimed + claimed.implied + other_look_alike,
+        **{e.fault: each + e.implied + other_look_alike for e in errors},
+        "an error of the radio that is none of the known ones": np.log(unknown)
+        + max(claimed.log_evidence, 0.0)
+        + other_look_alike,
+    }
+    neither = {
+        e.fault: each + e.log_evidence + closures.log_look_alike + other_look_alike for e in errors if e.contradicts
+    }
+    sums = {
+        Verdict.RADIO: radio,
+        Verdict.CLOSURES: float(logsumexp(list(right.values()))),
+        Verdict.NEITHER: float(logsumexp(list(neither.values()))) if neither else -np.inf,
+    }
+    likeliest = max(sums, key=lambda verdict: sums[verdict])
+    log_odds = float(sums[likeliest] - logsumexp([value for verdict, value in sums.items() if verdict != likeliest]))
+    if log_odds < np.log(settings.decisive_odds):
+        return Weighed(Verdict.UNDECIDED, log_odds, _likeliest({**neither, **right, "": -np.inf}))
+    if likeliest is Verdict.CLOSURES and not _likeliest(right):
+        return Weighed(Verdict.COMPATIBLE, log_odds, "")
+    wrong = {Verdict.CLOSURES: right, Verdict.NEITHER: neither}.get(likeliest)
+    return Weighed(likeliest, log_odds, "" if wrong is None else _likeliest(wrong))
+
+
+def _likeliest(causes: Mapping[str, float]) -> str:
+    return max(causes, key=lambda cause: causes[cause])

@@ -1,0 +1,163 @@
+"""Filter, matching, registration and radio check, again with less of the log where closures refute the radio."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.matching import MatchResult, match
+from wiclosure.interfaces import CandidateFilter
+from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.check import Judged, PairOutcome, judge
+from wiclosure.pipeline.mutual_check.second_round import unpredicted
+from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.runtime.stopwatch import Stopwatch
+from wiclosure.pipeline.stages.radio_check import radio_checked
+from wiclosure.pipeline.stages.registrations import RegistrationPool
+from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What filter, matching, registration and radio check made of one log."""
+
+    filtered: FilterResult
+    matched: tuple[MatchResult, ...]
+    registered: tuple[Closure, ...]
+    closures: tuple[Closure, ...]
+
+    def of(self, kept: CandidatePairs) -> PairOutcome:
+        """The part of two robots."""
+        pair = (kept.robot_a, kept.robot_b)
+        own = [n for n, c in enumerate(self.registered) if (c.query.robot, c.match.robot) == pair]
+        return PairOutcome(pair, kept, tuple(self.registered[n] for n in own), tuple(self.closures[n] for n in own))
+
+
+@dataclass(frozen=True, eq=False)
+class Attempts:
+    """Attempts with ever less of the log, until radio and closures no longer contradict each other."""
+
+    fronts: Mapping[str, FrontEndResult]
+    keyframes: Mapping[str, Trajectory]
+    candidate_filter: CandidateFilter
+    config: Config
+    registrations: RegistrationPool
+    progress: Progress
+    took: Stopwatch = field(default_factory=Stopwatch)
+    registration_s: list[float] = field(default_factory=list)
+    filter_s: list[float] = field(default_factory=list)
+    blind_s: list[float] = field(default_factory=list)
+
+    def settled(self, wireless: WirelessLog) -> tuple[Attempt, list[Judged]]:
+        """The last attempt, and what was found of pairs of robots on the way."""
+        attempt, judged = self._attempt(wireless), dict[tuple[str, str], Judged]()
+        while self.config.mutual_check.enabled:
+            heard = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments} - set(judged)
+            with self.took.time("check"):
+                found = [
+                    self._judged(attempt.of(p), wireless)
+                    for p in attempt.filtered.pairs
+                    if (p.robot_a, p.robot_b) in heard
+                ]
+            judged |= {one.pair: one for one in found}
+            dropped = [one.pair for one in found if one.drops_radio]
+            if not dropped:
+                break
+            wireless = _without(wireless, dropped)
+            attempt = self._attempt(wireless)
+        closures = attempt.closures
+        for one in judged.values():
+            closures = _as_judged(closures, one)
+        filtered = replace(attempt.filtered, diagnosis=_without_dropped(attempt.filtered.diagnosis, judged.values()))
+        return replace(attempt, filtered=filtered, closures=closures), list(judged.values())
+
+    def _judged(self, outcome: PairOutcome, wireless: WirelessLog) -> Judged:
+        return judge(outcome, self.keyframes, wireless, self.config, self._registered_blindly)
+
+    def _registered_blindly(self, pair: tuple[str, str], also: Sequence[Closure]) -> list[Closure]:
+        proposed = unpredicted(pair, also, self.fronts, self.config.matching, self.config.mutual_check.budget)
+        began = perf_counter()
+        with self.took.time("verification"):
+            registered = self._registered(proposed)
+        self.blind_s.append(perf_counter() - began)
+        return registered
+
+    def _attempt(self, wireless: WirelessLog) -> Attempt:
+        filtered = self.candidate_filter.candidates(self.keyframes, wireless)
+        self.filter_s.append(filtered.seconds)
+        revisits = self.config.revisits
+        own = [intra_robot_loops(k, revisits) for k in self.keyframes.values()] if revisits.enabled else []
+        with self.took.time("matching"):
+            matched = _match((*filtered.pairs, *own), self.fronts, self.config)
+        with self.took.time("verification"):
+            registered = self._registered([closure for result in matched for closure in result.closures])
+        with self.took.time("check"):
+            checked = radio_checked(registered, filtered.checks)
+        return Attempt(filtered, matched, tuple(registered), tuple(checked))
+
+    def _registered(self, proposed: Sequence[Closure]) -> list[Closure]:
+        registered, uncached_s = self.registrations.register(proposed, self.progress)
+        self.registration_s.append(uncached_s)
+        return registered
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Per stage, as if nothing had been computed before."""
+        return {
+            "filter": sum(self.filter_s) + self.took["check"] - sum(self.blind_s),
+            "matching": self.took["matching"],
+            "verification": sum(self.registration_s),
+        }
+
+
+def _without_dropped(diagnosis: Sequence[str], judged: Iterable[Judged]) -> tuple[str, ...]:
+    """Without what the filter says of robots whose measurements it was not given: why, the judgement says."""
+    dropped = tuple(f"{a} and {b}: " for a, b in (one.pair for one in judged if one.drops_radio))
+    return tuple(sentence for sentence in diagnosis if not sentence.startswith(dropped))
+
+
+def _without(wireless: WirelessLog, pairs: Sequence[tuple[str, str]]) -> WirelessLog:
+    """A log without what these pairs of robots measured of each other."""
+    dropped = {frozenset(pair) for pair in pairs}
+    left = tuple(m for m in wireless.measurements if frozenset((m.receiver, m.transmitter)) not in dropped)
+    return replace(wireless, measurements=left)
+
+
+def _as_judged(closures: Sequence[Closure], judged: Judged) -> tuple[Closure, ...]:
+    """With the closures that were registered without prediction, and without those that lost."""
+    if judged.drops_radio:
+        return tuple(closures)
+    known = {(c.query, c.match) for c in closures if c.live}
+    blind = [c for c in judged.blind if c.live and (c.query, c.match) not in known]
+    replaced = {(c.query, c.match) for c in blind}
+    left = [c for c in closures if (c.query, c.match) not in replaced]
+    if judged.weighed is None:
+        return (*left, *(c.accepted(Stage.RADIO_CHECK) for c in blind))
+    lost = {*replaced, *judged.lost}
+    return tuple(
+        c.rejected(Stage.RADIO_CHECK, judged.sentence) if c.live and (c.query, c.match) in lost else c
+        for c in (*left, *blind)
+    )
+
+
+def _match(
+    candidates: Sequence[CandidatePairs], fronts: Mapping[str, FrontEndResult], config: Config
+) -> tuple[MatchResult, ...]:
+    """Proposes the candidates that look alike."""
+    shifted = {
+        robot: describe_shifted(front.clouds, config.scan_context, config.matching.lateral_shift_m)
+        for robot, front in fronts.items()
+    }
+    return tuple(
+        match(
+            pairs,
+            fronts[pairs.robot_a].descriptors,
+            fronts[pairs.robot_b].descriptors,
+            config.matching,
+            shifted[pairs.robot_a],
+        )
+        for pairs in candidates
+    )

@@ -1,0 +1,118 @@
+"""Which systematic error, if any, explains what two robots measured better than what their log claims.
+
+Tried only where the measurements do not fit the best alignment: each correction is made, the frames are aligned again,
+and its alignment must be certain, must fit, and must be far likelier.  Where none does, the counts tell at least which
+kind of measurement to look at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FloatArray, FrameAlignment, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.faults.corrections import Correction, Inputs, azimuths_off, corrections, ranges_off
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.links.links import Links
+
+LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
+_PROPOSALS, _MEASUREMENTS = 1000, 40  # a correction that is right needs no long search
+_WIDTH_RAD, _WIDTH_M = 0.1, 0.5  # of peaks among residuals
+_LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
+
+
+def likeliest_fault(
+    alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog, settings: AlignmentSettings
+) -> Correction | None:
+    """The correction that makes the measurements fit, or None where none does.
+
+    Args:
+        alignment: of two robots, by what the log claims.
+        trajectories: of both.
+        log: all measurements.
+        settings: of the alignment.
+    """
+    a, b = alignment.robot_a, alignment.robot_b
+    inputs = {name: trajectories[name] for name in (a, b)}, _between(a, b, log)
+    quick = quick_settings(settings)
+    claimed = _aligned(inputs, quick)
+    if claimed.best is None:
+        return None
+    tried = corrections(a, b, inputs[1])
+    tried += _constant_errors(claimed.best.T_a_b, inputs, quick)
+    gains = np.array([_gain(claimed, correction, inputs, quick) for correction in tried])
+    best = int(np.argmax(gains))
+    return tried[best] if gains[best] > LIKELIER else None
+
+
+def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
+    """Of the alignments that are only compared."""
+    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS})
+
+
+def with_fault(alignment: FrameAlignment, correction: Correction | None) -> FrameAlignment:
+    """The alignment as one that must not be used to prune, with what seems to be wrong."""
+    if correction is None:
+        return alignment
+    remedy = " (--accept-correction applies it)" if correction.of_log else ""
+    fault = f"{correction.fault}{remedy}"
+    return replace(alignment, ambiguous=True, rivals=(), reason=f"{fault}; {alignment.reason}", suspected_fault=fault)
+
+
+def _between(a: str, b: str, log: WirelessLog) -> WirelessLog:
+    return WirelessLog(
+        tuple(m for m in log.measurements if {m.receiver, m.transmitter} == {a, b}),
+        tuple(h for h in log.headings if h.robot in {a, b}),
+    )
+
+
+def _links(inputs: Inputs, settings: AlignmentSettings) -> Links:
+    trajectories, log = inputs
+    (links,) = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair.values()
+    return links
+
+
+def _aligned(inputs: Inputs, settings: AlignmentSettings) -> FrameAlignment:
+    return align(_links(inputs, settings), inputs[0], settings)
+
+
+def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, settings: AlignmentSettings) -> float:
+    """By how much more a correction explains (natural logarithm of odds); -inf where it does not explain enough."""
+    corrected = _aligned(correction.apply(inputs), settings)
+    if corrected.best is None or corrected.ambiguous or claimed.best is None:
+        return -np.inf
+    ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
+    return corrected.best.log_likelihood + ranges * correction.log_scale - claimed.best.log_likelihood
+
+
+def _constant_errors(T_a_b: FloatArray, inputs: Inputs, settings: AlignmentSettings) -> list[Correction]:
+    """Offsets of azimuths and ranges that many residuals of an alignment share."""
+    links = _links(inputs, settings)
+    a_in_b = se3.transform(se3.inverse(T_a_b), links.antenna_a)
+    seen = np.where(
+        links.a_receives[:, None], se3.transform(T_a_b, links.antenna_b) - links.antenna_a, a_in_b - links.antenna_b
+    )
+    found = []
+    there = links.path >= 0
+    if there.any():
+        in_axes = np.einsum("mji,mj->mi", links.R_odom_axes, seen)
+        off = se3.wrap_angle(links.azimuth - np.arctan2(in_axes[:, 1], in_axes[:, 0])[:, None])
+        angle = float(np.angle(_mode(np.exp(1j * off[there]), _WIDTH_RAD)))
+        if abs(angle) > _LEAST_OFF_RAD:
+            found.append(azimuths_off(angle))
+    ranged = links.has_range
+    if ranged.any():
+        bias = float(_mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
+        found += [ranges_off(sign * max(abs(bias), 3 * _LEAST_OFF_M)) for sign in (1.0, -1.0)]
+    return found
+
+
+def _mode(values: np.ndarray, width: float) -> np.ndarray:
+    """Mean of the values around the one that has most others near it."""
+    near = np.abs(values[:, None] - values[None, :]) < width
+    return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())

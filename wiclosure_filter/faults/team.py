@@ -1,0 +1,118 @@
+"""Three robots or more check each other: alignments around a cycle must add up to none.
+
+Alignments of mixed-up robots can each look right.  From a to b, on to c, and back to a, they then do not end where they
+began.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations, permutations
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FrameAlignment, Trajectory, WirelessLog, robot_pairs
+from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.faults.corrections import Correction, Inputs, swapped
+from wiclosure.wiclosure_filter.faults.diagnosis import LIKELIER, quick_settings
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+
+_MOST_ROBOTS = 4  # of larger teams there are too many orders to try
+_SIGMAS = 4.0
+
+
+def contradictions(
+    alignments: Mapping[tuple[str, str], FrameAlignment], trajectories: Mapping[str, Trajectory], inflation: float
+) -> dict[tuple[str, str], str]:
+    """Certain alignments that do not add up around a cycle of three, with a sentence each.
+
+    Args:
+        alignments: by pair of robots, a before b in the order of the trajectories.
+        trajectories: of all robots.
+        inflation: factor on the odometry's standard deviations.
+    """
+    certain = {pair: alignment for pair, alignment in alignments.items() if not alignment.ambiguous}
+    found: dict[tuple[str, str], str] = {}
+    for a, b, c in combinations(trajectories, 3):
+        cycle = ((a, b), (b, c), (a, c))
+        if not all(pair in certain for pair in cycle):
+            continue
+        metres, sigma = _gap_m([certain[pair] for pair in cycle], {r: trajectories[r] for r in (a, b, c)}, inflation)
+        if metres > _SIGMAS * sigma:
+            sentence = (
+                f"the alignments of {a}, {b} and {c} contradict each other by {metres:.0f} m (sigma {sigma:.1f} m)"
+            )
+            found |= dict.fromkeys(cycle, sentence)
+    return found
+
+
+def _gap_m(
+    cycle: Sequence[FrameAlignment], trajectories: Mapping[str, Trajectory], inflation: float
+) -> tuple[float, float]:
+    """How far apart the two ways around put c's path, where they agree best, and the standard deviation of that.
+
+    Args:
+        cycle: alignments of a and b, b and c, a and c.
+        trajectories: of the three.
+        inflation: factor on the odometry's standard deviations.
+    """
+    ab, bc, ac = (alignment.best.T_a_b for alignment in cycle if alignment.best is not None)
+    c = list(trajectories.values())[2].positions
+    gaps = np.linalg.norm((se3.transform(ab @ bc, c) - se3.transform(ac, c))[:, :2], axis=1)
+    nearest = int(np.argmin(gaps))  # elsewhere the odometry may have turned
+    points = (se3.transform(bc, c[nearest]), c[nearest], c[nearest])
+    variance = _drift_variance(trajectories, inflation)
+    for alignment, point in zip(cycle, points, strict=True):
+        assert alignment.covariance is not None  # it is certain
+        by_errors = np.hstack([-se3.skew(point), np.eye(3)])
+        variance += float(np.trace((by_errors @ alignment.covariance @ by_errors.T)[:2, :2]))
+    return float(gaps[nearest]), float(np.sqrt(variance))
+
+
+def _drift_variance(trajectories: Mapping[str, Trajectory], inflation: float) -> float:
+    """Of all robots' paths from end to end: pairs meet at different times."""
+    ends = (t.relative_covariance(np.array([0]), np.array([len(t) - 1]))[0] for t in trajectories.values())
+    return inflation**2 * sum(float(np.trace(covariance[3:5, 3:5])) for covariance in ends)
+
+
+def mixed_up_names(
+    alignments: Mapping[tuple[str, str], FrameAlignment],
+    trajectories: Mapping[str, Trajectory],
+    log: WirelessLog,
+    settings: AlignmentSettings,
+) -> Correction | None:
+    """The order of names under which a team's measurements fit far better, or None.
+
+    Args:
+        alignments: by what the log claims.
+        trajectories: of all robots; small teams only.
+        log: all measurements.
+        settings: of the alignment.
+    """
+    robots = list(trajectories)
+    if not 3 <= len(robots) <= _MOST_ROBOTS or not any(alignment.suspected_fault for alignment in alignments.values()):
+        return None
+    quick = quick_settings(settings)
+    claimed = _log_likelihood((trajectories, log), quick)
+    found: list[tuple[float, Correction]] = []
+    for order in permutations(robots):
+        if list(order) != robots:
+            correction = swapped(dict(zip(robots, order, strict=True)))
+            found.append((_log_likelihood(correction.apply((trajectories, log)), quick), correction))
+    best, correction = max(found, key=lambda one: one[0])
+    return correction if best - max(claimed, 0.0) > LIKELIER else None
+
+
+def _log_likelihood(inputs: Inputs, settings: AlignmentSettings) -> float:
+    """Of a whole team's measurements; -inf where some do not fit, or contradict each other."""
+    trajectories, log = inputs
+    links = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair
+    alignments = {pair: align(links[pair], trajectories, settings) for pair in robot_pairs(list(trajectories))}
+    heard = [alignment for alignment in alignments.values() if alignment.best is not None]
+    if any(alignment.suspected_fault for alignment in heard):
+        return -np.inf
+    if contradictions(alignments, trajectories, settings.drift_inflation):
+        return -np.inf
+    return float(sum(alignment.best.log_likelihood for alignment in heard if alignment.best is not None))
