@@ -97,14 +97,13 @@ def info(
     """
     from rich.console import Console
 
-    from wiclosure.pipeline.data.folders.overview import overview
+    from wiclosure.pipeline.data.folders.overview import overview, recording_overview
     from wiclosure.pipeline.report.tables import overview_table, recording_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
-    from wiclosure.pipeline.sources.info import recording_info
 
     with warnings_on_terminal():
         entries = overview(path, salvage=salvage)
-        recording = None if entries else recording_info(path, salvage=salvage)
+        recording = None if entries else recording_overview(path, salvage=salvage)
     if as_json:
         content = [asdict(entry) for entry in entries] if recording is None else asdict(recording)
         typer.echo(json.dumps(content, indent=2, default=str))

@@ -99,17 +99,9 @@ def messages(out: Annotated[Path, typer.Option("--out", "-o", help="folder of a 
 
     Example: wiclosure radio messages --out ~/ros2_ws/src
     """
-    import shutil
-    from importlib.resources import as_file
+    from wiclosure.pipeline.sources.messages.message_package import write_message_package
 
-    from wiclosure.errors import OutputError
-    from wiclosure.pipeline.sources.messages.wireless_messages import MESSAGE_PACKAGE
-
-    target = out / "wiclosure_msgs"
-    if target.exists():
-        raise OutputError(f"{target} exists already; remove it first, or name another folder")
-    with as_file(MESSAGE_PACKAGE) as package:
-        shutil.copytree(package, target)
+    target = write_message_package(out)
     typer.echo(f"written to {target}; build it with: colcon build --packages-select wiclosure_msgs")
 
 

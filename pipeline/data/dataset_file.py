@@ -23,6 +23,7 @@ import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.yaml_text import PlainLoader
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
@@ -74,7 +75,7 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
-class _Loader(yaml.SafeLoader):
+class _Loader(PlainLoader):
     """Safe, and refuses a key that stands twice: YAML would let the last one win."""
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from wiclosure.errors import InputError
+from wiclosure.formats.yaml_text import load_yaml
 from wiclosure.suggestions import did_you_mean
 
 
@@ -54,7 +55,7 @@ def preset_settings(name: str, folder: Path) -> Mapping[str, Any]:
     file = folder / Path(name).expanduser()
     if file.is_file():
         try:
-            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+            content = load_yaml(file.read_text(encoding="utf-8"))
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise InputError(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
         if isinstance(content, dict):

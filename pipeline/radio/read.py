@@ -9,13 +9,13 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeAlias
 
-from wiclosure.errors import InputError
+from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.pyfg import WORDS, read_pyfg_ranges
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.formats.wsr import read_wsr_profiles, wsr_wireless_log
 from wiclosure.pipeline.radio.presets import preset_of_header, preset_settings
 from wiclosure.pipeline.radio.readers.account import Account
-from wiclosure.pipeline.radio.readers.corrections import corrected
+from wiclosure.pipeline.radio.readers.corrections import CORRECTIONS, corrected
 from wiclosure.pipeline.radio.readers.interpret import interpret
 from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.readers.tables import line_rows, opened, table_rows
@@ -110,7 +110,9 @@ def _head(path: Path) -> bytes:
 
 # ------------------------------------------------------------------------------------------------------ kind by kind
 def _json_lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
-    return RadioReading(_renamed(read_wireless_log(path), source, known), None, "jsonl")
+    _refuse_settings(source, "JSON Lines", {"angle_unit"})
+    log = read_wireless_log(path, angle_unit=source.angle_unit)
+    return RadioReading(_renamed(log, source, known), None, "jsonl")
 
 
 def _table(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
@@ -127,6 +129,7 @@ def _lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> Radi
 
 def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
     if source.topic is None:
+        _refuse_settings(source, "a bag without topic:", set())
         log = _renamed(read_wireless_topics(path, salvage=salvage), source, known)
         return RadioReading(log, None, "topics", tuple(unused_radio(path, (), salvage=salvage)))
     source = with_message_preset(path, source, salvage=salvage)
@@ -154,6 +157,7 @@ def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) 
 
 
 def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+    _refuse_settings(source, "WSR-Toolbox output", {"stamps"})
     stamps_ns = {trial: round(Decimal(str(stamp)) * 10**9) for trial, stamp in source.stamps.items()}
     profiles = read_wsr_profiles(path)
     if missing := sorted({profile.trial for profile in profiles} - stamps_ns.keys()):
@@ -177,6 +181,18 @@ _READERS: Mapping[Kind, Callable[[Path, RadioSource, Known, bool], RadioReading]
 
 def _interpreted(rows: Iterator[Row], source: RadioSource, known: Known) -> tuple[WirelessLog, Account]:
     return interpret(rows, source, known, source.described())
+
+
+def _refuse_settings(source: RadioSource, what: str, more: set[str]) -> None:
+    """Settings that would change nothing are mistakes.
+
+    Raises:
+        ConfigError: there are some; names them.
+    """
+    known = CORRECTIONS | more
+    if unused := sorted(source.model_fields_set - known - {"path", "kind", "preset"}):
+        names = ", ".join(RadioSource.model_fields[name].alias or name for name in unused)
+        raise ConfigError(f"{source.described()}: {what} cannot use {names}; known: {', '.join(sorted(known))}")
 
 
 def _renamed(log: WirelessLog, source: RadioSource, known: Known) -> WirelessLog:

@@ -13,7 +13,9 @@ from wiclosure.pipeline.sources.bags import Bag, BagTopic, open_bag
 from wiclosure.pipeline.sources.wireless_topics import RANGE_TYPE, named_link
 
 _RADIO_NAME = re.compile(r"uwb|ultra_?wide|rang(e|ing)|linktrack|dwm1001|decawave|pozyx|aoa|bearing", re.IGNORECASE)
-_NO_RADIO = re.compile(r"^(sensor_msgs/msg/(?!Range)|nav_msgs|tf2?_msgs|std_msgs|visualization_msgs|geometry_msgs)")
+_NO_RADIO = re.compile(
+    r"^(sensor_msgs/msg/(?!Range)|nav_msgs|tf2?_msgs|std_msgs/msg/(?!U?Int|Float)|visualization_msgs|geometry_msgs)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,9 @@ class UnusedRadio:
             return f"{said}: {named}if it is a radio's, add ranges: {{{self.topic}: {other}}} to the robot"
         if self.preset is not None:
             return f"{said}: add to wireless: {{topic: {self.topic}, robots: {{ID: NAME}}}} (preset {self.preset})"
+        if self.msgtype.startswith("std_msgs/"):
+            fields = f"{{topic: {self.topic}, range: data, stamp: received, receiver: NAME, transmitter: NAME}}"
+            return f"{said}: if it is a radio's, add to wireless: {fields}"
         fields = f"{{topic: {self.topic}, range: FIELD, from: FIELD, to: FIELD}}"
         return f"{said}: if it is a radio's, add to wireless: {fields}"
 

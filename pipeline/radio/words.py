@@ -9,6 +9,7 @@ import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError
+from wiclosure.formats.yaml_text import load_yaml
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
 from wiclosure.pipeline.runtime.settings_text import nested_words
@@ -56,7 +57,7 @@ def _of_word(word: str) -> tuple[RadioSource, ...]:
 
 def _yaml(path: Path) -> object:
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return load_yaml(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
     except OSError as error:

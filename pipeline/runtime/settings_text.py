@@ -9,6 +9,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from wiclosure.errors import ConfigError
+from wiclosure.formats.yaml_text import load_yaml
 from wiclosure.suggestions import nearest
 
 
@@ -30,7 +31,7 @@ def nested_words(words: Sequence[str], place: str) -> dict[str, Any]:
 def nest(keys: Sequence[str], value: str) -> dict[str, Any]:
     """The value, read as YAML where it is some, below these keys."""
     try:
-        nested: Any = yaml.safe_load(value)
+        nested: Any = load_yaml(value)
     except yaml.YAMLError:
         nested = value
     for key in reversed(keys):

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.clouds.bin import KITTI, check_layout, read_bin
-from wiclosure.pipeline.sources.clouds.columns import CloudReader
+from wiclosure.pipeline.sources.clouds.bin import KITTI, check_layout, likely_layouts, read_bin
+from wiclosure.pipeline.sources.clouds.columns import CloudColumns, CloudReader
 from wiclosure.pipeline.sources.clouds.file_stamps import FileStamps, natural, stamps_of_names
 from wiclosure.pipeline.sources.clouds.las import read_las
 from wiclosure.pipeline.sources.clouds.pcd import read_pcd
@@ -22,6 +22,8 @@ from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
+
+_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 1e-3, 60.0  # between scans, in the middle; a LiDAR turns at 2 to 50 Hz
 
 CLOUD_READERS: Mapping[str, CloudReader] = {
     ".bin": read_bin,
@@ -84,11 +86,25 @@ class FolderSource:
                 "%s: nothing tells when the clouds were taken: their stamps are made up (%s); write times.txt beside"
                 " them, a time in seconds for each", self.path, self.stamps_from,
             )  # fmt: skip
+        self._say_odd_times()
         read, clock = CLOUD_READERS[self._suffix], PointClock(str(self.path), self._period_s)
         if self._suffix == ".bin" and self._layout is not None:
             read = partial(read_bin, layout=self._layout)
+        is_said = False
         for file, stamp_ns in zip(self.scan_files, self.stamps_ns.tolist(), strict=True):
-            yield timed_scan(clock, stamp_ns, *read(file))
+            cloud = read(file)
+            is_said = is_said or _say_untimed(file, cloud)
+            yield timed_scan(clock, stamp_ns, cloud.points, cloud.times, cloud.intensity)
+
+    def _say_odd_times(self) -> None:
+        """Warns of stamps that no LiDAR has: most often their unit is not what it was taken for."""
+        if (same := len(self.stamps_ns) - len(np.unique(self.stamps_ns))) > 0:
+            logger.warning("%s: %d stamps repeat others (%s)", self.path, same, self.stamps_from)
+        elif (period_s := self._period_s) is not None and not _SHORTEST_PERIOD_S <= period_s <= _LONGEST_PERIOD_S:
+            logger.warning(
+                "%s: scans would come every %g s by their stamps (%s); are those in another unit? write times.txt"
+                " beside the clouds, a time in seconds for each", self.path, period_s, self.stamps_from,
+            )  # fmt: skip
 
     @property
     def _period_s(self) -> float | None:
@@ -101,11 +117,36 @@ def _stamps(path: Path, files: list[Path]) -> FileStamps:
     return stamps_of_names([_stem(file) for file in files])
 
 
+def _say_untimed(file: Path, cloud: CloudColumns) -> bool:
+    """Warns where a field looks like the points' times and tells nothing; whether there are points to tell it by."""
+    if len(cloud.points) and cloud.time_field is not None:
+        if cloud.times is None:
+            logger.warning(
+                "%s: field %s looks like per-point times but is not used: the scans are not deskewed; name it time"
+                " where it is one", file, cloud.time_field,
+            )  # fmt: skip
+        elif cloud.times.min() == cloud.times.max():
+            logger.warning(
+                "%s: field %s is the same for all points: the scans are not deskewed", file, cloud.time_field
+            )
+    return len(cloud.points) > 0
+
+
 def _stem(file: Path) -> str:
     """The name without its suffixes; nuScenes' have two (`.pcd.bin`)."""
     while file.suffix.lower() in CLOUD_READERS:
         file = file.with_suffix("")
     return file.name
+
+
+def layouts_of(path: Path) -> list[str]:
+    """Names of the layouts that the `.bin` files of a folder may have.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    files = sorted(path.glob("*.bin"))[:20] if path.is_dir() else []
+    return likely_layouts(_largest(files)) if files else []
 
 
 def _largest(files: list[Path]) -> Path:

@@ -25,6 +25,7 @@ _AHEAD = 3  # messages that are looked at to tell a stray from a leap
 _LEAP_NS = 60 * 10**9  # both clocks may drift, and messages wait; so far apart they come by a fault alone
 
 _NEAR_NS = 5 * 10**7  # no stray that lies so near is beyond the next stamp
+_SLOW = 30  # times slower than the recording no clock goes; where bags are converted, receptions may come faster
 
 _Content = TypeVar("_Content")
 
@@ -64,6 +65,8 @@ class _Mender:
         self._by_reception = False
         self._strays: list[int] = []
         self._late = self._number = 0
+        self._begun: tuple[int, int] | None = None
+        self._ended = (0, 0)
 
     def is_plain(self, message: Stamped[_Content]) -> bool:
         """Whether the stamp follows the last one, as the time of reception does: nothing after it need be known."""
@@ -82,6 +85,8 @@ class _Mender:
             self._late += 1
         else:
             self._last_ns = stamp_ns
+            self._ended = (stamp_ns, message.received_ns)
+            self._begun = self._begun or self._ended
             yield stamp_ns, message.content
 
     def report(self) -> None:
@@ -96,6 +101,16 @@ class _Mender:
             logger.warning(
                 "%s: %d messages have stamps that repeat or go back and were left out", self._place, self._late
             )
+
+        stamps_ns, received_ns = (
+            end - begin for begin, end in zip(self._begun or self._ended, self._ended, strict=True)
+        )
+        if 0 < stamps_ns * _SLOW < received_ns:
+            logger.warning(
+                "%s: %.3g s pass by the stamps while the recording takes %.3g s: the stamps are in another unit or"
+                " wrong; write those of the recording anew", self._place, stamps_ns * 1e-9,
+                received_ns * 1e-9,
+            )  # fmt: skip
 
     def _stamp(self, message: Stamped[_Content], later_ns: list[int], window: deque[Stamped[_Content]]) -> int | None:
         """The stamp to use, or None for a stray."""

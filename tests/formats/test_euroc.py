@@ -63,3 +63,16 @@ def test_files_without_poses(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_text("#timestamp [ns], x\n")
     with pytest.raises(InputError, match="holds no poses; expected stamp"):
         read_euroc(tmp_path / "data.csv", "alpha")
+
+
+@pytest.mark.parametrize(
+    ("names", "quaternion"),
+    [
+        ("#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x, q_RS_y, q_RS_z", "0.8,0,0,0.6"),
+        ("timestamp,x,y,z,qx,qy,qz,qw", "0,0,0.6,0.8"),
+    ],
+)  # fmt: skip
+def test_names_tell_the_order_of_the_quaternion(tmp_path: Path, names: str, quaternion: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{names}\n1700000000000000000,3,2,1,{quaternion}\n")
+    trajectory = read_euroc(tmp_path / "a.csv", "alpha")
+    np.testing.assert_allclose(trajectory.poses[0, :2, 0], [1 - 2 * 0.6**2, 2 * 0.6 * 0.8], atol=1e-12)

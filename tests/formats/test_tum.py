@@ -146,3 +146,27 @@ def test_a_million_lines_come_back(tmp_path: Path) -> None:
     write_tum(tmp_path / "long.tum", trajectory)
     read = read_tum(tmp_path / "long.tum", "a")
     np.testing.assert_array_equal(read.stamps_ns, trajectory.stamps_ns)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "timestamp,x,y,z,qw,qx,qy,qz",
+        "# time tx ty tz q_w q_x q_y q_z",
+        '"%time";"p.x";"p.y";"p.z";"orientation.w";"orientation.x";"orientation.y";"orientation.z"',
+    ],
+)
+def test_names_tell_the_order_of_the_pose(tmp_path: Path, names: str) -> None:
+    separator = next((mark for mark in ",;" if mark in names), " ")
+    rows = [["1.5", "3", "2", "1", "0.6", "0", "0", "0.8"], ["2.5", "4", "2", "1", "1", "0", "0", "0"]]
+    (tmp_path / "a.tum").write_text("\n".join([names, *(separator.join(row) for row in rows)]))
+    trajectory = read_tum(tmp_path / "a.tum", "alpha")
+    np.testing.assert_allclose(trajectory.positions, [[3, 2, 1], [4, 2, 1]])
+    np.testing.assert_allclose(trajectory.poses[0, :2, 0], [0.6**2 - 0.8**2, 2 * 0.6 * 0.8], atol=1e-12)
+    np.testing.assert_allclose(trajectory.poses[1, :3, :3], np.eye(3), atol=1e-12)
+
+
+def test_a_stamp_that_is_not_first_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.tum").write_text("x,y,z,qx,qy,qz,qw,time\n0,0,0,0,0,0,1,1.5\n")
+    with pytest.raises(InputError, match="expected the stamp first"):
+        read_tum(tmp_path / "a.tum", "alpha")

@@ -22,6 +22,11 @@ _ENDINGS = re.compile(r"([_.-]?(rosbag2?|bag2?|mcap|lidar|scans|data|recording)|
 _TRUTH = re.compile(r"(^|[_.-])(gt|truth|ground_?truth|groundtruth|mocap|vicon|reference|ref)([_.-]|$)", re.IGNORECASE)
 _TRUTH_TOPIC = re.compile(r"ground_?truth|vrpn|vicon|mocap|optitrack|qualisys|leica|(^|/)gt(/|$)", re.IGNORECASE)
 _ODOMETRY = re.compile(r"odom|(^|[_.-])(lio|vio|slam)([_.-]|$)", re.IGNORECASE)
+_SENSOR = re.compile(
+    r"(^|[_.-])(front|rear|back|left|right|top|bottom|center|centre|middle|up|down|upper|lower|main|roof|[fr][lr])"
+    r"([_.-]|$)|lidar|velodyne|ouster|livox|hesai|rslidar|pandar|laser|points|cloud|^os\d?_|^vlp|^sensors?$",
+    re.IGNORECASE,
+)
 _LOOKS_LIKE_MM = 200.0  # metres, median: UWB does not reach so far
 
 
@@ -73,9 +78,12 @@ def draft_dataset(folder: Path, found: Sequence[Found]) -> str:
 def _robots(folder: Path, found: Sequence[Found]) -> dict[str, _Robot]:
     robots: dict[str, _Robot] = {}
     for item in found:
+        path = _relative(folder, item.path)
+        if item.layouts:
+            layout = f"layout: {item.layouts[0]}  # {GUESS}: by the length of the records in its .bin files"
+            _put(robots, _name_of(item.path), _Robot(item, [f"scans: {_quoted(path)}", layout]))
         if item.kind != "recording" or item.recording is None:
             continue
-        path = _relative(folder, item.path)
         clouds = [topic for topic in item.recording.topics if topic.first_cloud is not None]
         odometry = [topic for topic in item.recording.topics if topic.msgtype == ODOMETRY_TYPE and topic.count]
         if not item.recording.topics:
@@ -83,10 +91,10 @@ def _robots(folder: Path, found: Sequence[Found]) -> dict[str, _Robot]:
         elif len(clouds) == 1:
             lines = [f"scans: {_quoted(path)}", f"topic: {clouds[0].name}"]
             _put(robots, _name_of(item.path), _Robot(item, lines, odometry))
-        elif len({_namespace(topic) for topic in clouds}) == len(clouds):  # a bag of a team
+        elif _is_team(clouds):
             for topic in clouds:
                 own = [other for other in odometry if _namespace(other) == _namespace(topic)]
-                lines = [f"scans: {_quoted(path)}", f"topic: {topic.name}"]
+                lines = [f"scans: {_quoted(path)}", f"topic: {topic.name}  # {GUESS}: a robot for each namespace"]
                 _put(robots, _namespace(topic), _Robot(item, lines, own))
         elif clouds:
             most = max(clouds, key=lambda topic: topic.count)
@@ -94,6 +102,12 @@ def _robots(folder: Path, found: Sequence[Found]) -> dict[str, _Robot]:
             lines = [f"scans: {_quoted(path)}", f"topic: {most.name}  # {GUESS}: others are {others}"]
             _put(robots, _name_of(item.path), _Robot(item, lines, odometry))
     return robots
+
+
+def _is_team(clouds: Sequence[TopicInfo]) -> bool:
+    """Whether topics of one bag are of a robot each: in namespaces of their own that name no places on a robot."""
+    namespaces = {_namespace(topic) for topic in clouds}
+    return len(clouds) > 1 and len(namespaces) == len(clouds) and not any(map(_SENSOR.search, namespaces))
 
 
 def _put(robots: dict[str, _Robot], name: str, robot: _Robot) -> None:
@@ -119,7 +133,9 @@ def _add_trajectories(folder: Path, robots: Mapping[str, _Robot], found: Iterabl
     unused: list[Found] = []
     for item in found:
         owners = [name for name in robots if name.casefold() in str(item.path.relative_to(folder)).casefold()]
-        if item.kind == "unknown" or (item.kind == "recording" and not any(r.scans is item for r in robots.values())):
+        if item.kind == "unknown" or (
+            not item.layouts and item.kind == "recording" and not any(r.scans is item for r in robots.values())
+        ):
             unused.append(item)
         if item.kind != "trajectory":
             continue
@@ -154,6 +170,11 @@ def _wireless(folder: Path, robots: Sequence[str], found: Iterable[Found]) -> li
                 entries.append(f"  {off} {{path: {path}, topic: '{radio.topic}', robots: {known}}}{mark}")
     if any(line.lstrip().startswith("-") for line in entries):
         return ["wireless:", *entries]
+    if any(line.lstrip().startswith("# -") for line in entries):
+        return [
+            "wireless:  # none until you name the robots of the ids below, and take away the # before the -",
+            *entries,
+        ]
     return ["# wireless: []  # no radio log was found beside the topics of the bags", *entries]
 
 
@@ -183,7 +204,9 @@ def _log_entry(folder: Path, item: Found, robots: Sequence[str]) -> list[str]:
     stated = f"{{path: {_quoted(path)}, {_flow(settings)[1:-1]}}}" if settings else _quoted(path)
     if settings.get("robots") == {}:
         known = ", ".join(f"{tag}: NAME" for tag in sorted(ids, key=lambda tag: (len(tag), tag)))
-        return [*lines, f"  # - {{path: {_quoted(path)}, robots: {{{known}}}}}  # {len(ids)} ids, {len(robots)} robots"]
+        unit = f", unit: {settings['unit']}" if "unit" in settings else ""
+        count = f"{len(ids)} ids, {len(robots)} robots; ids that no robot carries go into anchors: [ID]"
+        return [*lines, f"  # - {{path: {_quoted(path)}{unit}, robots: {{{known}}}}}  # {count}"]
     return [*lines, f"  - {stated}"]
 
 
@@ -213,10 +236,15 @@ def _names_of_ids(ids: Sequence[str], robots: Sequence[str]) -> tuple[dict[str, 
     by_number = {tag: numbers[int(tag)] for tag in ids if tag.isdigit() and int(tag) in numbers}
     if len(by_number) == len(robots) == len(numbers):
         return by_number, True
-    named = {tag: robot for tag in ids for robot in robots if robot.casefold() in tag.casefold()}
-    if len(set(named.values())) == len(robots):
+    named = {tag: robot for tag in ids for robot in robots if _same_name(tag.casefold(), robot.casefold())}
+    if len(set(named.values())) == len(robots) or (named.keys() == set(ids) and len(set(named.values())) == len(ids)):
         return named, True
     return (dict(zip(ids, robots, strict=True)) if len(ids) == len(robots) else {}), False
+
+
+def _same_name(tag: str, robot: str) -> bool:
+    """`beta` and `run1_beta`; numbers alone are in many names."""
+    return robot in tag or (tag in robot.split("_") and not tag.isdigit())
 
 
 def _flow(value: object) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
 from wiclosure.pipeline.data.folders.survey import Found, is_recording, survey, survey_file
+from wiclosure.pipeline.radio.unused import unused_radio
+from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,17 @@ def overview(path: Path, *, salvage: bool = False) -> list[Entry]:
     if dataset is None:
         return entries
     return entries + _elsewhere(folder, dataset, {entry.path for entry in entries})
+
+
+def recording_overview(path: Path, *, salvage: bool = False) -> RecordingInfo:
+    """What a recording holds; its notes tell what radio in it a run would leave alone, and how to use it.
+
+    Raises:
+        InputError: see `wiclosure.pipeline.sources.info.recording_info`.
+    """
+    found = recording_info(path, salvage=salvage)
+    radio = unused_radio(path, (), salvage=salvage) if bag_kind(path) else []
+    return replace(found, notes=found.notes + tuple(f"{unused.sentence(())}." for unused in radio))
 
 
 def _entry(found: Found, dataset: Dataset | None) -> Entry:

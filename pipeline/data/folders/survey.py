@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -18,6 +19,8 @@ from wiclosure.pipeline.radio.presets import preset_of_header
 from wiclosure.pipeline.radio.readers.column_names import guess
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import METADATA, bag_kind
+from wiclosure.pipeline.sources.bags import open_bag
+from wiclosure.pipeline.sources.folder import layouts_of
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
 from wiclosure.pipeline.sources.open import LOADERS
 
@@ -25,7 +28,9 @@ Kind: TypeAlias = Literal["recording", "trajectory", "radio", "data set", "unkno
 
 _DEPTH = 2
 _TEXT = {".csv", ".tsv", ".txt", ".tum", ".log", ".dat", ".jsonl", ".pyfg"}
+_BAGS = {".bag", ".mcap", ".db3"}
 _FEW_ROWS = 5
+_OVERLAP_NS = 10**9  # parts of one recording overlap by less: messages that wait are written late
 _PARTS = re.compile(r"^(metadata\.yaml|times\.txt|timestamps\.txt|poses\.txt|calib.*\.txt)$")
 
 
@@ -39,6 +44,7 @@ class Found:
         holds: what is in it, a few words.
         recording: of a recording, its topics and counts.
         radio: topics of a bag that look like radio and are in no known form.
+        layouts: of a folder of `.bin` files in another layout than KITTI's, those that it may have.
     """
 
     path: Path
@@ -46,6 +52,7 @@ class Found:
     holds: str
     recording: RecordingInfo | None = None
     radio: tuple[UnusedRadio, ...] = ()
+    layouts: tuple[str, ...] = ()
 
 
 def survey(folder: Path, *, salvage: bool = False) -> list[Found]:
@@ -67,7 +74,25 @@ def is_recording(path: Path) -> bool:
         return not (path / DATASET_FILE).is_file()
     files = [file for file in path.iterdir() if not file.name.startswith(".")]
     names = {re.sub(r"[_.-]?\d+$", "", file.name.split(".")[0]) for file in files}
-    return len(names) == 1 and all(file.is_file() and bag_kind(file) for file in files)
+    if len(names) > 1 or not all(file.is_file() and bag_kind(file) for file in files):
+        return False
+    return not _at_once(files)
+
+
+def _at_once(files: Sequence[Path]) -> bool:
+    """Whether bags were recorded at the same time, as those of several robots are; parts of one follow each other."""
+    spans: list[tuple[int, int]] = []
+    for file in files:
+        try:
+            with open_bag(file) as bag:
+                spans.append((bag.start_ns, bag.end_ns))
+        except WiclosureError:
+            return False  # what is wrong is said where the folder is read
+    spans.sort()
+    return any(
+        min(end, next_end) - next_start > min(_OVERLAP_NS, (end - start) // 2, (next_end - next_start) // 2)
+        for (start, end), (next_start, next_end) in pairwise(spans)
+    )
 
 
 def _within(folder: Path, depth: int, *, salvage: bool) -> Iterator[Found]:
@@ -88,7 +113,8 @@ def _recording(path: Path, *, salvage: bool) -> Found:
         found = recording_info(path, salvage=salvage)
         radio = tuple(unused_radio(path, (), salvage=salvage)) if bag_kind(path) else ()
     except WiclosureError as error:
-        return Found(path, "recording", f"cannot be read: {error}")
+        layouts = () if bag_kind(path) else tuple(layouts_of(path))
+        return Found(path, "recording", f"cannot be read: {error}", layouts=layouts)
     what = f"{found.kind}, {found.duration_s:.0f} s, {found.count:,} {'messages' if found.topics else 'scans'}"
     return Found(path, "recording", what, found, radio)
 
@@ -97,6 +123,8 @@ def survey_file(path: Path) -> Found:
     """What a file is that is no recording."""
     if path.name == DATASET_FILE:
         return Found(path, "data set", "robots and radio logs by name")
+    if path.suffix.lower() in _BAGS:
+        return Found(path, "unknown", "by its first bytes no bag")
     if path.suffix.lower() not in _TEXT:
         return Found(path, "unknown", f"{path.suffix or 'no ending'}: not read")
     try:

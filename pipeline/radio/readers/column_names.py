@@ -60,6 +60,11 @@ def guessed_fields(columns: Sequence[str], source: RadioSource, path: Path, *, h
         raise InputError(f"{path}: no column of times is known; {example}; {shown}")
     if not (complete.range_ or complete.azimuth or complete.x):
         raise InputError(f"{path}: no column of ranges is known; name it with range:, or azimuth:; {shown}")
+    if not complete.range_sigma and (apart := _sigmas_apart(columns, complete.unit)) and has_header:
+        logger.warning(
+            "%s: column %s is not in the unit of the ranges (%s) and is not used; state range_sigma in metres",
+            path, apart[0], complete.unit,
+        )  # fmt: skip
     if found:
         logger.info(
             "%s: read by the names of its columns as %s", path, ", ".join(f"{k}: {v}" for k, v in found.items())
@@ -71,16 +76,28 @@ def guess(columns: Sequence[str]) -> dict[str, Any]:
     """Settings that the names of columns suggest: `distance_mm` is a range in millimetres."""
     found: dict[str, Any] = {}
     taken: set[str] = set()
+    if {"ax", "ay"} & {column.strip().casefold() for column in columns}:
+        taken.update(column for column in columns if column.strip().casefold() == "az")  # an acceleration
     for key, (unit_key, names) in _NAMES.items():
         for column in columns:
             base, unit = _split(column, unit_key)
             if base in names and column not in taken:
+                if key == "range_sigma" and unit not in (None, found.get("unit", "m")):
+                    continue  # it would be read in the unit of the ranges
                 found[key] = column
                 taken.add(column)
                 if unit and unit_key not in found:
                     found[unit_key] = unit
                 break
     return found
+
+
+def _sigmas_apart(columns: Sequence[str], range_unit: str) -> list[str]:
+    """Columns of standard deviations whose names state another unit than that of the ranges."""
+    split = {column: _split(column, "unit") for column in columns}
+    return [
+        name for name, (base, of) in split.items() if base in _NAMES["range_sigma"][1] and of not in (None, range_unit)
+    ]
 
 
 def _split(column: str, unit_key: str) -> tuple[str, str | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from decimal import Decimal
 
@@ -10,10 +11,13 @@ from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
-_KEYS = {
-    "robots", "anchors", "time_offset", "unit", "range_offset", "range_sigma", "clockwise",
+logger = logging.getLogger(__name__)
+
+CORRECTIONS = {
+    "robots", "anchors", "time_offset", "unit", "max_range", "range_offset", "range_sigma", "clockwise",
     "azimuth_zero", "elevation_zero", "aoa_frame",
 }  # fmt: skip
+"""Settings that such logs can be corrected by."""
 
 
 def corrected(log: WirelessLog, source: RadioSource, names: TagNames) -> WirelessLog:
@@ -21,7 +25,7 @@ def corrected(log: WirelessLog, source: RadioSource, names: TagNames) -> Wireles
 
     Ranges keep their own sigma where the source states none: it is in metres whatever the unit of the ranges.
     """
-    if not source.model_fields_set & _KEYS:
+    if not source.model_fields_set & CORRECTIONS:
         return log
     offset_ns = round(Decimal(str(source.time_offset)) * 10**9)
     measurements = tuple(
@@ -29,6 +33,10 @@ def corrected(log: WirelessLog, source: RadioSource, names: TagNames) -> Wireles
         for m in log.measurements
         if not (names.is_anchor(m.receiver) or names.is_anchor(m.transmitter))
     )
+    near = tuple(m for m in measurements if m.range_m is None or m.range_m <= source.max_range)
+    if (far := len(measurements) - len(near)) and "max_range" in source.model_fields_set:
+        logger.warning("%s: %d ranges lie beyond max_range and were left out", source.described(), far)
+        measurements = near
     headings = tuple(
         replace(h, stamp_ns=h.stamp_ns + offset_ns, robot=names.robot(h.robot) or h.robot) for h in log.headings
     )

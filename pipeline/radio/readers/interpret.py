@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable
 from decimal import Decimal
 from typing import Any
@@ -11,7 +12,8 @@ import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres, radians, stamp_ns, stamp_unit_of
-from wiclosure.formats.text_table import number_of
+from wiclosure.formats.stamps import few_digits
+from wiclosure.formats.text_table import is_number, number_of
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.radio.readers.account import (
     ANCHOR,
@@ -27,11 +29,12 @@ from wiclosure.pipeline.radio.readers.account import (
     Account,
 )
 from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row, Values
-from wiclosure.pipeline.radio.readers.tag_names import TagNames, canonical
+from wiclosure.pipeline.radio.readers.tag_names import TagNames, canonical, tag_text
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
 _MOST_BAD = 0.5  # of the rows: with more that cannot be read, the file is not what its mapping says
+_COARSE = 0.5  # of the rows: with more whose times lost their digits, and which share few, the log has no times
 _MOST_BEYOND = 0.05  # of the rows: angles of radians stay within a turn, those of degrees seldom do
 _FALSE = {"", "0", "0.0", "false", "no", "f", "n"}
 
@@ -64,6 +67,7 @@ def interpret(
         if robot is not None and known is not None and robot not in known:
             raise InputError(f"{where} names the robot {robot!r}, but there are {', '.join(known)}; name them alike")
     measurements: dict[WirelessMeasurement, str] = {}
+    coarse: Counter[str] = Counter()
     for row in rows:
         account.rows += 1
         try:
@@ -78,7 +82,10 @@ def interpret(
             if measurement in measurements:
                 account.leave_out(REPEATED, row.place, f"as {measurements[measurement]}")
             measurements.setdefault(measurement, row.place)
+        if (text := str(row.values.get("stamp"))) and _is_coarse(text):
+            coarse[text] += 1
     account.used = len(measurements)
+    _refuse_lost_times(account, coarse)
     _refuse_nonsense(account, source)
     return WirelessLog() + WirelessLog(tuple(measurements)), account
 
@@ -102,7 +109,22 @@ def _refuse_nonsense(account: Account, source: RadioSource) -> None:
     if account.left_out[FAR] and not account.used and account.left_out[FAR] > account.rows / 2:
         raise InputError(
             f"{account.where}: {account.left_out[FAR]} of {account.rows} ranges lie beyond {source.max_range:g} m"
-            f" ({account.first[FAR]}); if they are millimetres add unit: mm, else raise max_range"
+            f" ({account.first[FAR]}); if they are millimetres or centimetres add unit: mm or unit: cm, else raise"
+            " max_range"
+        )
+
+
+def _is_coarse(stamp: str) -> bool:
+    return is_number(stamp) and few_digits(stamp) is not None
+
+
+def _refuse_lost_times(account: Account, coarse: Counter[str]) -> None:
+    """Spreadsheets write `1.7E+09`: then many rows share one time."""
+    if coarse.total() > _COARSE * account.rows and coarse.total() > 2 * len(coarse):
+        text, count = coarse.most_common(1)[0]
+        raise InputError(
+            f"{account.where}: the time {text} stands in {count} of {account.rows} rows: whoever wrote it kept too few"
+            " digits; export the log again with all of them"
         )
 
 
@@ -145,7 +167,7 @@ def _robots(values: Values, source: RadioSource, names: TagNames, account: Accou
         elif (robot := names.robot(tag)) is not None:
             robots.append(robot)
         else:
-            strangers.append(str(tag).strip())
+            strangers.append(tag_text(tag))
     if strangers:
         unknown = [tag for tag in strangers if not names.is_anchor(tag)]
         account.ids.update(unknown)

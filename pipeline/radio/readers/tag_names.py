@@ -5,17 +5,32 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
+import numpy as np
+
 from wiclosure.errors import InputError
 from wiclosure.pipeline.radio.source import RadioSource
 
 _WHOLE = re.compile(r"[+-]?\d+(\.0*)?")
+_HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+")
 _TAIL = re.compile(r"(\d+)$")
 
 
 def canonical(tag: object) -> str:
-    """An id as it is compared: `7`, `7.0` and `07` are one tag, `022E` and `022e` as well."""
-    text = str(tag).strip()
+    """An id as it is compared: `7`, `7.0`, `07` and `0x7` are one tag, `022E` and `022e` as well.
+
+    Bytes, as messages have them for addresses, are `de:ca:00:07`.
+    """
+    text = tag_text(tag)
+    if _HEXADECIMAL.fullmatch(text):
+        return str(int(text, 16))
     return str(int(float(text))) if _WHOLE.fullmatch(text) else text.casefold()
+
+
+def tag_text(tag: object) -> str:
+    """An id for people; bytes as an address."""
+    if isinstance(tag, bytes) or (isinstance(tag, np.ndarray) and tag.dtype == np.uint8):
+        return ":".join(f"{byte:02x}" for byte in tag)
+    return str(tag).strip()
 
 
 def number_at_end(name: str) -> int | None:
@@ -52,7 +67,7 @@ class TagNames:
         """The robot of an id, or None."""
         if found := self._robots.get(canonical(tag)):
             return found if self._known is None or found in self._known else None
-        name = str(tag).strip()
+        name = tag_text(tag)
         if self._known is None:
             return None if self._mapped or not name else name
         return name if name in self._known else None

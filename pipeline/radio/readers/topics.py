@@ -61,6 +61,8 @@ def _paths(source: RadioSource, where: str) -> Mapping[str, FieldPath]:
         key.removesuffix("_"): getattr(source, key) for key in _PLAIN if getattr(source, key) is not None
     }
     names |= {key: value for key in _SINGLE if isinstance(value := getattr(source, key), str)}
+    if len(source.range_) > 1:
+        raise InputError(f"{where}: range: names {len(source.range_)} fields; write one entry for each of them")
     if source.range_:
         names["range"] = source.range_[0]
     for key, limit in zip(("range_low", "range_high"), source.range_limits or (), strict=False):
@@ -89,7 +91,12 @@ def _rows(
                 yield Row(place, {**limits, **ids, **values, "stamp": _stamp(values, received_ns)})
         except InputError as error:
             if number == 0:  # no message of the topic can have the field
-                raise InputError(f"{bag.path}, {place}: {error}") from error
+                hint = (
+                    ""
+                    if source.stamp or "'header" not in str(error)
+                    else "; name that of the time, or add stamp: received"
+                )
+                raise InputError(f"{bag.path}, {place}: {error}{hint}") from error
             yield Row(place, {}, str(error))
 
 

@@ -113,6 +113,17 @@ def _fits(raw: bytes, layout: str, size: int) -> bool:
     return bool(np.count_nonzero(odd) <= _ODD * len(odd))
 
 
+def likely_layouts(path: Path) -> list[str]:
+    """Names of the layouts that a file's records may have by their length and values; none where nothing tells.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    raw = read_whole(path)
+    size = likely_record_size(raw, record_type(KITTI).itemsize)
+    return [] if size is None else [name for name in LAYOUTS if _fits(raw, name, size)]
+
+
 def _said(layout: str) -> str:
     return "float32 x y z reflectance" if layout in {KITTI, "kitti"} else f"records of the layout {layout!r}"
 

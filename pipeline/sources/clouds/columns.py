@@ -10,17 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.field_names import intensity_field, time_fields
+from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
 from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns
 from wiclosure.types import FloatArray
 
 
 class CloudColumns(NamedTuple):
-    """The returns in one file: points `(N, 3)` metres, and times and intensity `(N,)` as recorded, where there are."""
+    """The returns in one file.
+
+    Args:
+        points: `(N, 3)` metres.
+        times, intensity: `(N,)` as recorded, or None.
+        time_field: name of the field of the times; without one, of a field that looks like times and is not read.
+    """
 
     points: FloatArray
     times: NDArray[Any] | None
     intensity: NDArray[Any] | None
+    time_field: str | None = None
 
 
 CloudReader: TypeAlias = Callable[[Path], CloudColumns]
@@ -81,7 +88,7 @@ def returns(columns: Mapping[str, NDArray[Any]], of: Wanted) -> CloudColumns:
         None if name is None else (columns[name].copy() if whole else columns[name][keep])
         for name in (of.time, of.intensity)
     )
-    return CloudColumns(points, times, intensity)
+    return CloudColumns(points, times, intensity, of.time or next(iter(like_times(columns, ())), None))
 
 
 def text_numbers(path: Path, body: bytes, count: int, per_point: int) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wiclosure.formats.radio_units import stamp_ns
 from wiclosure.formats.stamps import nanoseconds
 from wiclosure.types import IntArray
 
@@ -34,17 +35,42 @@ def stamps_of_names(names: Sequence[str]) -> FileStamps:
 
     Words before and after the numbers are no matter where all names share them.  `1317042272.123456789` and
     `1317042272_123456789` are seconds and their fraction; whole numbers of the size of a date are s, ms, us or ns since
-    1970; smaller ones are frame numbers at 10 Hz.  Other names are taken in natural order at 10 Hz.
+    1970; smaller ones are frame numbers at 10 Hz.  `2023-11-14_22-13-20.5` is a date, UTC.  Other names are taken in
+    natural order at 10 Hz.
 
     A fraction is not always written with all its zeros: `1317042272_5000000` may mean 0.005 s.  Of what it may mean
-    (decimals, nanoseconds, microseconds), that is taken which puts the scans most evenly.
+    (decimals, nanoseconds, microseconds, milliseconds), that is taken which puts the scans most evenly.
     """
+    if (dated := _dates(names)) is not None:
+        return dated
     parts = [re.split(r"([0-9]+)", name) for name in names]
     if len({tuple(part[0::2]) for part in parts}) == 1:
         words = parts[0][0::2]
         numbers = [[part[column] for part in parts] for column in range(1, len(parts[0]), 2)]
         return _by_numbers(words, numbers)
     return _counted(len(names), "natural order of their names")
+
+
+_DATE = re.compile(
+    r"(?<!\d)(?P<year>(?:19|20)\d\d)([-_.]?)(?P<month>0[1-9]|1[0-2])\2(?P<day>0[1-9]|[12]\d|3[01])[-_T ]?"
+    r"(?P<hour>[01]\d|2[0-3])([-_.:]?)(?P<minute>[0-5]\d)\6(?P<second>[0-5]\d)(?:[-_.](?P<fraction>\d{1,9}))?(?!\d)"
+)
+
+
+def _dates(names: Sequence[str]) -> FileStamps | None:
+    """By dates with their time, one in each name; None where some have none, or some have the same."""
+    found = [match for name in names if (match := _DATE.search(name)) is not None]
+    if not found or len(found) < len(names):
+        return None
+    texts = [
+        f"{at['year']}-{at['month']}-{at['day']}T{at['hour']}:{at['minute']}:{at['second']}.{at['fraction'] or '0'}"
+        for at in found
+    ]
+    try:
+        stamps_ns = np.array([stamp_ns(text, "auto") for text in texts], np.int64)
+    except ValueError:  # the 31st of February
+        return None
+    return FileStamps(stamps_ns, "file names, dates (UTC)") if len(set(stamps_ns.tolist())) == len(names) else None
 
 
 def _by_numbers(words: Sequence[str], numbers: Sequence[Sequence[str]]) -> FileStamps:
@@ -72,10 +98,12 @@ def _seconds_and_fraction(seconds: Sequence[str], fractions: Sequence[str], *, d
     meanings: dict[str, Callable[[str], int]] = {
         "decimals": lambda text: int(text[:9].ljust(9, "0")),
         "nanoseconds": int,
-        "microseconds": lambda text: int(text) * 1000,
+        "microseconds": lambda text: int(text) * 10**3,
+        "milliseconds": lambda text: int(text) * 10**6,
     }
-    if max(map(len, fractions)) > 6:
-        del meanings["microseconds"]
+    for how, digits in (("microseconds", 6), ("milliseconds", 3)):
+        if max(map(len, fractions)) > digits:
+            del meanings[how]
     if min(map(len, fractions)) == 9:
         del meanings["decimals"]
     read = {how: whole_ns + np.array([mean(text) for text in fractions], np.int64) for how, mean in meanings.items()}

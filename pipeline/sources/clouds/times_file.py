@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.stamps import nanoseconds
+from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.stamps import few_digits
 from wiclosure.types import IntArray
 
 logger = logging.getLogger(__name__)
@@ -48,16 +51,16 @@ def read_times(path: Path) -> IntArray:
 
 
 def read_lines(path: Path) -> list[int | None]:
-    """Stamps in nanoseconds, from seconds, nanoseconds since 1970, or dates (`2011-09-26 13:02:25.594360375`).
+    """Stamps in nanoseconds, from seconds, dates (`2011-09-26 13:02:25.594360375`), or ms, us or ns since 1970.
 
     Returns:
         One a line, None for a blank one; without blank lines at the end.
 
     Raises:
-        InputError: the file is missing or a line is neither.
+        InputError: the file is missing, a line is neither, or times repeat that were written with too few digits.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise InputError(
             f"cannot read {path}: {error.strerror}; a KITTI folder needs it (one time in seconds for each scan)."
@@ -71,18 +74,32 @@ def read_lines(path: Path) -> list[int | None]:
     ]
     while stamps and stamps[-1] is None:
         stamps.pop()
+    _refuse_lost_digits(path, lines, stamps)
     return stamps
-
-
-_LARGEST_SECONDS = 10**11  # a larger whole number counts nanoseconds
 
 
 def _stamp(path: Path, number: int, text: str) -> int:
     try:
-        if "-" in text[1:] and ":" in text:
-            return int(np.datetime64(text.replace(" ", "T"), "ns").astype(np.int64))
-        if text.isdecimal() and int(text) > _LARGEST_SECONDS:
-            return int(text)
-        return nanoseconds(text)
+        return stamp_ns(text, "auto")
     except ValueError:
         raise InputError(f"{path}, line {number}: {text!r} is no time; expected seconds or a date with time") from None
+
+
+def _refuse_lost_digits(path: Path, lines: Sequence[str], stamps: Sequence[int | None]) -> None:
+    """Times that all differ keep their digits, whatever they are."""
+    seen: set[int] = set()
+    for number, (line, stamp) in enumerate(zip(lines, stamps, strict=False), start=1):
+        if stamp is not None and stamp in seen and _lost(line.strip()):
+            raise InputError(
+                f"{path}, line {number}: the time {line.strip()} stands there again: whoever wrote it kept too few"
+                " digits; write times with nine decimals"
+            )
+        if stamp is not None:
+            seen.add(stamp)
+
+
+def _lost(text: str) -> bool:
+    try:
+        return Decimal(text).is_finite() and few_digits(text) is not None
+    except InvalidOperation:
+        return False

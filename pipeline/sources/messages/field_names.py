@@ -33,7 +33,7 @@ _TIMES = (
 )
 _UNITS = ("ns", "nsec", "nanosec", "nanoseconds", "us", "usec", "ms", "msec", "s", "sec", "seconds")
 _INTENSITIES = ("intensity", "i", "reflectivity", "reflectance", "remission", "intensities", "amplitude")
-_LIKE_TIME = re.compile(r"time|stamp|latency|[nu]sec")
+_LIKE_TIME = re.compile(r"time|stamp|latency|clock|secs?$|seconds?$|(^|_)(ts|tof|tick|ticks|t|dt)(_|$)|offset")
 
 
 def plain(name: str) -> str:
@@ -56,4 +56,4 @@ def intensity_field(names: Iterable[str]) -> str | None:
 
 def like_times(names: Iterable[str], used: Sequence[str]) -> list[str]:
     """Names that look like times without being one of those `used`."""
-    return [name for name in names if name not in used and _LIKE_TIME.search(plain(name))]
+    return [name for name in names if name not in used and _LIKE_TIME.search(name.lower())]

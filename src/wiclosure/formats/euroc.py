@@ -1,4 +1,7 @@
-"""Trajectories as EuRoC writes its ground truth: comma separated, `stamp [ns], x, y, z, qw, qx, qy, qz, ...` a line."""
+"""Trajectories as EuRoC writes its ground truth: comma separated, `stamp [ns], x, y, z, qw, qx, qy, qz, ...` a line.
+
+Where a line of names tells another order of the pose (`qx qy qz qw`), that order is read.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,10 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
+from wiclosure.formats.pose_columns import line_of_names, pose_order
 from wiclosure.types import Trajectory
 
+_ORDER = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")
 _COLUMNS = 8  # further ones (velocity, biases) are not used
 _EARLIEST_NS = 10**14  # a whole number below this counts no nanoseconds since 1970
 
@@ -35,12 +40,12 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read the trajectory {path}: {error}; check the file") from error
     stamps_ns: list[int] = []
     rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#") or (not rows and not is_euroc(line)):
             continue
         words = [word.strip() for word in line.split(",")]
@@ -58,7 +63,8 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
             rows.append(row)
     if not rows:
         raise InputError(f"{path} holds no poses; expected stamp [ns], x, y, z, qw, qx, qy, qz a line")
-    numbers = np.array(rows)
-    rotation = Rotation.from_quat(numbers[:, [4, 5, 6, 3]]).as_matrix()
+    order = pose_order(path, line_of_names(text), _ORDER)
+    numbers = np.array(rows)[:, [column - 1 for column in order]]
+    rotation = Rotation.from_quat(numbers[:, 3:]).as_matrix()
     poses = se3.from_rotation_translation(rotation, numbers[:, :3])
     return Trajectory(robot, np.array(stamps_ns, np.int64), poses, drift or DriftModel())

@@ -68,7 +68,7 @@ def _date_ns(text: str) -> int:
     head, point, tail = text.strip().partition(".")
     digits = tail[: len(tail) - len(tail.lstrip("0123456789"))]
     try:
-        moment = datetime.fromisoformat(head + tail[len(digits) :])
+        moment = datetime.fromisoformat(head.replace("/", "-") + tail[len(digits) :])
     except ValueError:
         raise ValueError(f"{text[:40]!r} is no time") from None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 
@@ -13,6 +14,7 @@ from wiclosure.types import IntArray
 _PLAIN = np.zeros(256, bool)
 _PLAIN[[0, *b"0123456789."]] = True
 _LARGEST_NS = 2**63 - 1
+_FEW_DIGITS = 7  # what C++ streams (6) and float32 (7) keep of a number
 
 
 def nanoseconds(seconds: str) -> int:
@@ -31,6 +33,15 @@ def nanoseconds(seconds: str) -> int:
     if abs(scaled) > _LARGEST_NS:
         raise ValueError(f"{seconds!r} is too large for a time in seconds")
     return scaled
+
+
+def few_digits(stamp: str) -> int | None:
+    """How many digits a stamp kept, where it is so large that they are too few (`1.70000e+09`); else None.
+
+    A whole second may end in zeros: ask where stamps repeat.
+    """
+    digits = re.sub(r"[eE].*|[^0-9]", "", stamp).strip("0")
+    return len(digits) if len(digits) <= _FEW_DIGITS and abs(float(stamp)) >= 10**_FEW_DIGITS else None
 
 
 def nanoseconds_of_column(seconds: NDArray[np.bytes_]) -> IntArray:

@@ -1,6 +1,7 @@
 """Trajectories as TUM text: `stamp x y z qx qy qz qw` a line, `#` starts a comment.
 
-Commas or semicolons may separate the numbers, commas may stand for decimal points, and a line of names may come first.
+Commas or semicolons may separate the numbers, commas may stand for decimal points, and a line of names may come first:
+where it tells another order of the pose (`qw qx qy qz`), that order is read.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
+from wiclosure.formats.pose_columns import POSE, line_of_names, pose_order
+from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
 logger = logging.getLogger(__name__)
 
-COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+COLUMNS = POSE
 _ROW = np.dtype([("stamp", "S48"), ("pose", np.float64, (7,))])
-_FEW_DIGITS = 7  # what C++ streams (6) and float32 (7) keep of a number
 _UNIT_TOLERANCE = 0.01  # quaternions printed with three decimals stay within this of length one
 
 
@@ -44,13 +45,13 @@ def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> T
             lost their digits.
     """
     path = Path(path)
-    text = _plain_text(path)
+    text, order = _plain_text(path)
     rows = _load_rows(path, text)
     try:
         stamps_ns = nanoseconds_of_column(rows["stamp"])
     except ValueError:
         _explain(path, text)
-    pose = rows["pose"]
+    pose = rows["pose"][:, order]
     norm = np.linalg.norm(pose[:, 3:], axis=1)
     if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) < 0).any():
         _explain(path, text)
@@ -81,22 +82,23 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
         raise OutputError(f"cannot write the trajectory {path}: {error.strerror}; choose another place") from error
 
 
-def _plain_text(path: Path) -> str:
-    """The file's text with white space between the numbers, line for line."""
+def _plain_text(path: Path) -> tuple[str, list[int]]:
+    """The file's text with white space between the numbers, line for line, and where each number of the pose stands."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text; a trajectory is a TUM file: {' '.join(COLUMNS)} a line") from None
     except OSError as error:
         raise InputError(f"cannot read the trajectory {path}: {error.strerror}; check the path") from error
+    names = line_of_names(text)
+    order = [column - 1 for column in pose_order(path, names, COLUMNS)]
+    if names and not names.lstrip().startswith("#"):
+        text = text.replace(names, "#" + names, 1)
     first = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "")
-    if re.match(r"[\"'\s]*[a-z]*(time|stamp)", first, re.IGNORECASE):  # names of the columns
-        text = text.replace(first, "#" + first, 1)
-        first = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "")
     if "," not in first and ";" not in first:
-        return text
+        return text, order
     decimal = ";" in first or (len(first.split()) == len(COLUMNS) and re.search(r"\d,\d", first) is not None)
-    return text.replace(";", " ").replace(",", "." if decimal else " ")
+    return text.replace(";", " ").replace(",", "." if decimal else " "), order
 
 
 def _load_rows(path: Path, text: str) -> NDArray[np.void]:
@@ -122,11 +124,10 @@ def _first_of_each(path: Path, texts: NDArray[np.bytes_], stamps_ns: IntArray) -
     if first.all():
         return first
     repeated = texts[int(np.argmin(first))].decode()
-    digits = re.sub(r"[eE].*|[^0-9]", "", repeated).strip("0")
-    if len(digits) <= _FEW_DIGITS and abs(float(repeated)) >= 10**_FEW_DIGITS:
+    if (digits := few_digits(repeated)) is not None:
         count = int(np.count_nonzero(stamps_ns == stamps_ns[int(np.argmin(first))]))
         raise InputError(
-            f"{path}: the stamp {repeated} stands on {count} lines: whoever wrote it kept {len(digits)} digits only;"
+            f"{path}: the stamp {repeated} stands on {count} lines: whoever wrote it kept {digits} digits only;"
             " write stamps with nine decimals (NumPy: fmt='%.9f', C++: std::fixed << std::setprecision(9))"
         )
     logger.warning("%s: %d lines repeat a stamp; of each the first is used", path, int(np.count_nonzero(~first)))

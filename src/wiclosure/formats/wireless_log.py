@@ -14,13 +14,14 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.radio_units import AngleUnit, radians
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.suggestions import did_you_mean
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
@@ -36,10 +37,14 @@ _Record: TypeAlias = Mapping[str, Any]
 _Value = TypeVar("_Value")
 
 
-def read_wireless_log(path: Path | str) -> WirelessLog:
+def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> WirelessLog:
     """Reads a wireless log; records may stand in any order, the result is in order of time.
 
     Angles that look like degrees are not an error: one warning a file names the first line and how many there are.
+
+    Args:
+        path: the file.
+        angle_unit: of its angles and their sigmas; logs of others may be in degrees.
 
     Raises:
         InputError: the file cannot be read, or a line is not a valid record; names the file and the line.
@@ -49,7 +54,7 @@ def read_wireless_log(path: Path | str) -> WirelessLog:
     degrees = _Degrees()
     for line_number, line in _lines(Path(path)):
         try:
-            record = _parsed(line)
+            record = _parsed(line) if angle_unit == "rad" else _in_radians(_parsed(line), angle_unit)
             if record["type"] == "heading":
                 headings.append(_heading(record))
                 degrees.check(line_number, [headings[-1].heading])
@@ -174,15 +179,37 @@ def _path(entry: object) -> AoaPath:
         raise InputError(f'a path is {_shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
     _check_keys(entry, "path")
     weight = _optional(entry, "weight", _number)
-    azimuth = _number(entry, "azimuth")
+    azimuth, elevation = _number(entry, "azimuth"), _optional(entry, "elevation", _number)
+    if elevation is not None and abs(elevation) > math.pi / 2:
+        raise InputError(
+            f'"elevation" is {_shown(entry["elevation"])}; expected radians within -pi/2 and pi/2: for a log in degrees'
+            " add angle_unit: deg"
+        )
     if abs(azimuth) > _LARGEST_ANGLE_RAD:  # warned of, not refused: it may be radians over several turns
         azimuth = math.remainder(azimuth, 2 * math.pi)
     return AoaPath(
         azimuth=azimuth,
         sigma=_number(entry, "sigma"),
         weight=1.0 if weight is None else weight,
-        elevation=_optional(entry, "elevation", _number),
+        elevation=elevation,
     )
+
+
+def _in_radians(record: _Record, unit: AngleUnit) -> _Record:
+    """The record with all angles and their sigmas converted; what is no number stays for those who read it."""
+
+    def converted(entry: object, keys: Sequence[str]) -> object:
+        if not isinstance(entry, dict):
+            return entry
+        angles = {key: radians(_number(entry, key), unit) for key in keys if entry.get(key) is not None}
+        return {**entry, **angles}
+
+    if record["type"] == "heading":
+        return {**record, **{key: radians(_number(record, key), unit) for key in ("heading", "sigma")}}
+    paths = record.get("paths")
+    if not isinstance(paths, list):
+        return record
+    return {**record, "paths": [converted(path, ("azimuth", "elevation", "sigma")) for path in paths]}
 
 
 def _optional(record: _Record, key: str, read: Callable[[_Record, str], _Value]) -> _Value | None:
@@ -249,7 +276,7 @@ class _Degrees:
     def warn(self, path: Path | str) -> None:
         if self.lines:
             logger.warning(
-                "%s, line %d: angle %g looks like degrees (%d lines do); angles are radians, so convert the log",
+                "%s, line %d: angle %g looks like degrees (%d lines do); angles are radians: add angle_unit: deg",
                 path,
                 self.first_line,
                 self.example,

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiclosure.errors import InputError
+from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.wireless_log import read_wireless_log, write_wireless_log
 from wiclosure.pipeline.radio.read import RadioReading, read_radio
 from wiclosure.pipeline.radio.words import sources_of_words
@@ -142,7 +142,9 @@ def test_bad_rows_are_counted_with_the_first_of_each_kind(tmp_path: Path) -> Non
         ("a,range\n1,2\n", "", "no column of times is known"),
         ("t,range\n1,2\n", "", "nothing says who the receiver is"),
         ("t,from,to,range\n1,a,b,2\n", ",range=dist", "no column 'dist'"),
-        ("t,from,to,range\n1,a,b,20534\n2,a,b,20600\n", "", "if they are millimetres add unit: mm"),
+        ("t,from,to,range\n1,a,b,20534\n2,a,b,20600\n", "", "millimetres or centimetres add unit: mm or unit: cm"),
+        ("t,from,to,range\n" + 5 * "1.7E+09,a,b,3\n", "", "the time 1.7E+09 stands in 5 of 5 rows"),
+        ("t,from,to,range\n" + 5 * "1.70000e9,a,b,3\n", "", "export the log again with all of them"),
         ("t,from,to,range\n1,a,b,2\n", ",robots.a=gamma", "names the robot 'gamma'"),
         ("t,from,to,range\nx,a,b,2\n", "", "1 of 1 rows cannot be read"),
         ("", "", "holds no rows"),
@@ -273,3 +275,69 @@ def test_json_lines_with_corrections(tmp_path: Path) -> None:
     (m,) = read(word).log.measurements
     assert (m.stamp_ns, m.receiver, m.transmitter, m.range_m) == (500_000_000, "a", "b", 20.534)
     assert (m.range_sigma_m, m.paths[0].azimuth) == (0.3, -0.5)
+
+
+def test_whole_seconds_that_end_in_zeros_are_times(tmp_path: Path) -> None:
+    file = written(tmp_path, "t,from,to,range\n" + "".join(f"{1_700_000_000 + 1000 * k},a,b,3\n" for k in range(5)))
+    assert len(read(str(file)).log.measurements) == 5
+
+
+@pytest.mark.parametrize(
+    ("range_name", "sigma_name"), [("range_mm", "sigma_m"), ("range_m", "std_mm"), ("range", "std [cm]")]
+)
+def test_a_sigma_in_another_unit_is_not_read_in_that_of_the_ranges(
+    tmp_path: Path, range_name: str, sigma_name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = written(tmp_path, f"t,from,to,{range_name},{sigma_name}\n1.5,a,b,9,5\n")
+    assert read(str(file)).log.measurements[0].range_sigma_m == 0.5
+    assert f"column {sigma_name} is not in the unit of the ranges" in caplog.text
+
+
+def test_a_sigma_in_the_unit_of_the_ranges(tmp_path: Path) -> None:
+    file = written(tmp_path, "t,from,to,range_mm,sigma_mm\n1.5,a,b,9000,50\n")
+    assert read(str(file)).log.measurements[0].range_sigma_m == 0.05
+
+
+def test_an_acceleration_is_no_azimuth(tmp_path: Path) -> None:
+    file = written(tmp_path, "t,from,to,ax,ay,az\n1.5,a,b,1,2,3\n")
+    with pytest.raises(InputError, match="no column of ranges is known"):
+        read(str(file))
+
+
+@pytest.mark.parametrize("tag", ["0010", "0x0A1B", "1_1", "DE:CA:00:07", "12:30", "2587"])
+@pytest.mark.parametrize("key", ["0010", "0x0a1b", "1_1", "de:ca:00:07", "12:30", "0xA1B"])
+def test_ids_in_yaml_are_what_is_written(tmp_path: Path, tag: str, key: str) -> None:
+    written(tmp_path, f"t,from,to,range\n1.5,{tag},b,9\n")
+    source = written(tmp_path, f"{{path: uwb.csv, robots: {{{key}: alpha, b: beta}}}}\n", "radio.yaml")
+    found = [m.receiver for m in read(str(source)).log.measurements]
+    numbers = {"0x0A1B": "2587", "0x0a1b": "2587", "0xA1B": "2587"}
+    same = numbers.get(tag, tag).casefold() == numbers.get(key, key).casefold()
+    assert found == (["alpha"] if same else [])
+
+
+def degrees_log(folder: Path) -> Path:
+    records = [
+        {"type": "wireless", "stamp": 1.5, "receiver": "a", "transmitter": "b", "range": 3.0,
+         "paths": [{"azimuth": 190.0, "elevation": 30.0, "sigma": 10.0}]},
+        {"type": "heading", "stamp": 1.5, "robot": "a", "heading": 90.0, "sigma": 5.0},
+    ]  # fmt: skip
+    return written(folder, "".join(f"{json.dumps(record)}\n" for record in records), "w.jsonl")
+
+
+def test_json_lines_in_degrees(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    log = read(f"{degrees_log(tmp_path)},angle_unit=deg,clockwise=true").log
+    (path,) = log.measurements[0].paths
+    np.testing.assert_allclose([path.azimuth, path.elevation, path.sigma], np.radians([170, 30, 10]))
+    np.testing.assert_allclose([log.headings[0].heading, log.headings[0].sigma], np.radians([90, 5]))
+    assert "degrees" not in caplog.text
+
+
+def test_json_lines_in_degrees_without_saying_so_are_refused_with_the_key(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'line 1: "elevation" is 30.0.*add angle_unit: deg'):
+        read(str(degrees_log(tmp_path)))
+
+
+@pytest.mark.parametrize("setting", ["stamp_unit=ms", "receiver=a", "range=d", "take=range"])
+def test_settings_that_json_lines_cannot_use_are_refused(tmp_path: Path, setting: str) -> None:
+    with pytest.raises(ConfigError, match=f"JSON Lines cannot use {setting.partition('=')[0].partition('.')[0]}"):
+        read(f"{degrees_log(tmp_path)},angle_unit=deg,{setting}")

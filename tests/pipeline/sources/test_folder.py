@@ -118,3 +118,49 @@ def test_las(tmp_path: Path) -> None:
         (tmp_path / suffix / f"1700000000_0{suffix}").write_bytes(b"LASF" + bytes(100))
         with pytest.raises(InputError, match="cannot be read as LAS"):
             list(FolderSource(tmp_path / suffix))
+
+
+@pytest.mark.parametrize("unit_ns", [10**3, 10**6])
+def test_times_since_1970_in_smaller_units(tmp_path: Path, unit_ns: int) -> None:
+    folder = write(tmp_path / "lidar", [f"s_{k}.bin" for k in range(4)])
+    stamps_ns = [1_700_000_000 * 10**9 + k * 10**8 for k in range(4)]
+    (folder / "times.txt").write_text("\ufeff" + "\n".join(str(ns // unit_ns) for ns in stamps_ns), encoding="utf-8")
+    assert [scan.stamp_ns for scan in FolderSource(folder)] == stamps_ns
+
+
+def test_dates_with_a_zone(tmp_path: Path) -> None:
+    folder = write(tmp_path / "lidar", ["s_1.bin", "s_2.bin"])
+    (folder / "times.txt").write_text("2023-11-14T23:13:20.5+01:00\n2023/11/14 22:13:20.600\n")
+    assert [scan.stamp_ns for scan in FolderSource(folder)] == [1_700_000_000_500_000_000, 1_700_000_000_600_000_000]
+
+
+def test_times_that_lost_their_digits_are_refused(tmp_path: Path) -> None:
+    folder = write(tmp_path / "lidar", [f"s_{k}.bin" for k in range(3)])
+    (folder / "times.txt").write_text("1.700000e+09\n1.700000e+09\n1.700000e+09\n")
+    with pytest.raises(InputError, match=r"times.txt, line 2: the time 1.700000e\+09 stands there again"):
+        FolderSource(folder)
+
+
+@pytest.mark.parametrize(
+    ("times", "says"), [("0\n100000\n200000\n", "every 100000 s"), ("7\n7\n8\n", "1 stamps repeat")]
+)
+def test_stamps_that_no_lidar_has_are_said(
+    tmp_path: Path, times: str, says: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write(tmp_path / "lidar", [f"s_{k}.bin" for k in range(3)])
+    (folder / "times.txt").write_text(times)
+    assert len(list(FolderSource(folder))) == 3
+    assert says in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("layout", "says"),
+    [("x y z time_of_day", "field time_of_day looks like per-point times"), ("x y z time", "field time is the same")],
+)
+def test_times_that_are_not_used_are_said_once(
+    tmp_path: Path, layout: str, says: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write(tmp_path / "lidar", [f"s_{k}.bin" for k in range(3)])
+    assert all(scan.times is None for scan in FolderSource(folder, layout))
+    assert caplog.text.count("not deskewed") == 1
+    assert says in caplog.text

@@ -75,3 +75,12 @@ def test_memory_holds_few_messages() -> None:
 
     for given_out, _ in enumerate(mended(messages(), "/points")):  # type: ignore[arg-type]
         assert len(taken) - given_out <= 5
+
+
+def test_stamps_that_hardly_pass_are_said(caplog: pytest.LogCaptureFixture) -> None:
+    headers = [START_NS + (stamp - START_NS) // 10**6 for stamp in REGULAR]
+    assert len(mend(headers, REGULAR)) == 12
+    assert "the stamps are in another unit or wrong" in caplog.text
+    caplog.clear()
+    mend(REGULAR, [START_NS + number for number in range(12)])  # a bag that was converted quickly
+    assert "unit" not in caplog.text

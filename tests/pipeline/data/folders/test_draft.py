@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +94,8 @@ def test_ids_that_cannot_be_told_wait_for_names(site: Path) -> None:
     (site / "uwb.csv").write_text(table([(7, 12, 5000), (12, 9, 5100), (9, 7, 5200)]))
     text = draft_dataset(site, survey(site))
     assert "# - {path: uwb.csv, robots: {7: NAME, 9: NAME, 12: NAME}}  # 3 ids, 2 robots" in text
-    assert "wireless" not in yaml.safe_load(text)
+    (site / "dataset.yaml").write_text(text)
+    assert load_dataset([str(site)]).wireless == ()
 
 
 def test_millimetres_by_their_size_are_a_guess(site: Path) -> None:
@@ -167,3 +169,70 @@ def test_init_never_overwrites_unasked(
     assert called(monkeypatch, "init", str(site), "--overwrite") == 0
     assert called(monkeypatch, "info", str(site)) == 0
     assert "scans of alpha" in capsys.readouterr().out
+
+
+def boreas_folder(folder: Path) -> None:
+    folder.mkdir()
+    rng = np.random.default_rng(1)
+    for number in range(3):
+        azimuth, reach = rng.uniform(-3, 3, 4000), rng.uniform(3, 40, 4000)
+        rows = [reach * np.cos(azimuth), reach * np.sin(azimuth), rng.uniform(-2, 3, 4000), rng.uniform(0, 255, 4000)]
+        rows += [rng.integers(0, 64, 4000), np.linspace(0, 0.1, 4000)]
+        np.column_stack(rows).astype("<f4").tofile(folder / f"{1_700_000_000_000_000 + number * 100_000}.bin")
+
+
+def test_records_of_another_layout_are_guessed_and_then_read(tmp_path: Path) -> None:
+    boreas_folder(tmp_path / "gamma")
+    text = draft_dataset(tmp_path, survey(tmp_path))
+    assert f"layout: boreas  # {GUESS}" in text
+    assert "not used" not in text
+    (tmp_path / "dataset.yaml").write_text(text)
+    assert load_dataset([str(tmp_path)]).robots["gamma"].layout == "boreas"
+
+
+def test_two_lidars_of_one_robot_are_no_team(tmp_path: Path) -> None:
+    for name, topics in {"alpha": ("/front/points", "/rear/points"), "team": ("/r1/points", "/r2/points")}.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        two_topics(folder / "a_bag", topics)
+        robots = content(folder)["robots"]
+        assert [entry["topic"] for entry in robots.values()] == list(topics[: 1 if name == "alpha" else 2])
+        assert GUESS in "".join(draft_dataset(folder, survey(folder)).splitlines()[1:])
+
+
+def two_topics(path: Path, topics: tuple[str, str]) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+    from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
+    from wiclosure.pipeline.sources.messages.ros_types import typestore
+
+    store = typestore("cdr")
+    with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic in topics:
+            connection = writer.add_connection(topic, POINT_CLOUD_TYPE, typestore=store)
+            for scan in scans():
+                writer.write(connection, scan.stamp_ns, store.serialize_cdr(encode_scan(scan, store), POINT_CLOUD_TYPE))
+
+
+@pytest.mark.parametrize(("later_ns", "robots"), [(0, ["robot1", "robot2"]), (4 * 10**8, ["drive"])])
+def test_bags_at_once_are_robots_and_bags_in_turn_are_parts(tmp_path: Path, later_ns: int, robots: list[str]) -> None:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    write_ros1_bag(folder / "robot1.bag", scans())
+    write_ros1_bag(folder / "robot2.bag", [replace(scan, stamp_ns=scan.stamp_ns + later_ns) for scan in scans()])
+    assert list(content(tmp_path)["robots"]) == robots
+
+
+def test_a_log_with_more_ids_than_robots_waits_with_all_that_is_known(site: Path) -> None:
+    (site / "uwb.csv").write_text(
+        table([(7, 3, 5000), (12, 3, 5100), (7, 12, 5200), (3, 7, 5200)], "t_ms,tag,anchor,d")
+    )
+    text = draft_dataset(site, survey(site))
+    assert "# - {path: uwb.csv, unit: mm, robots: {3: NAME, 7: NAME, 12: NAME}}" in text
+    edited = text.replace("# - {path: uwb.csv", "- {path: uwb.csv").replace(
+        "3: NAME, 7: NAME, 12: NAME", "7: alpha, 12: beta"
+    )
+    (site / "dataset.yaml").write_text(edited.replace("12: beta}", "12: beta}, anchors: [3]"))
+    (source,) = load_dataset([str(site)]).wireless
+    assert (source.unit, source.anchors) == ("mm", ("3",))

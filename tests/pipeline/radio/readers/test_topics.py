@@ -18,6 +18,8 @@ from wiclosure.errors import ConfigError, InputError
 from wiclosure.pipeline.radio.presets import presets
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.readers.message_fields import FieldPath
+from wiclosure.pipeline.radio.readers.tag_names import TagNames
+from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.unused import unused_radio
 from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.types import WirelessMeasurement
@@ -244,3 +246,37 @@ def test_paths_of_fields() -> None:
         FieldPath.parsed("a[].b[]")
     with pytest.raises(ConfigError, match="no field"):
         FieldPath.parsed("a..b")
+
+
+def test_numbers_alone_on_a_topic_of_radio_are_said(tmp_path: Path) -> None:
+    store = typestore()
+    number = store.types["std_msgs/msg/Float32"]
+    bag = write_bag(
+        tmp_path / "bag",
+        {
+            "/uwb_range": ("std_msgs/msg/Float32", [number(data=3.5)] * 2),
+            "/battery": ("std_msgs/msg/Float32", [number(data=12.0)]),
+        },
+        store,
+    )
+    (radio,) = unused_radio(bag, [])
+    assert "{topic: /uwb_range, range: data, stamp: received, receiver: NAME, transmitter: NAME}" in radio.sentence([])
+    with pytest.raises(InputError, match=r"no field 'header'.*add stamp: received"):
+        measurements(f"{bag},topic=/uwb_range,range=data,receiver=a,transmitter=b")
+    found = measurements(f"{bag},topic=/uwb_range,range=data,receiver=a,transmitter=b,stamp=received")
+    assert [m.range_m for m in found] == [3.5, 3.5]
+
+
+def test_one_range_for_an_entry(tmp_path: Path) -> None:
+    store = typestore("uwb_msgs/msg/RangeStamped")
+    message = example(store, "uwb_msgs/msg/RangeStamped")
+    bag = write_bag(tmp_path / "bag", {"/radio": ("uwb_msgs/msg/RangeStamped", [message])}, store)
+    source = RadioSource.model_validate({"path": bag, "topic": "/radio", "range": ["range", "covariance"]})
+    with pytest.raises(InputError, match="range: names 2 fields; write one entry for each"):
+        read_radio(source)
+
+
+@pytest.mark.parametrize("tag", [np.array([222, 202, 0, 7], np.uint8), b"\xde\xca\x00\x07"])
+def test_bytes_are_addresses(tag: object) -> None:
+    source = RadioSource(path=Path("a"), robots={"DE:CA:00:07": "alpha"})
+    assert TagNames(source, ["alpha"]).robot(tag) == "alpha"

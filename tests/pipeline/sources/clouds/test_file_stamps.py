@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -67,3 +69,27 @@ def test_names_without_order_of_their_own() -> None:
 def test_natural_order() -> None:
     names = ["s10.bin", "s9.bin", "s1.bin", "s010b.bin", "a.bin"]
     assert sorted(names, key=natural) == ["a.bin", "s1.bin", "s9.bin", "s010b.bin", "s10.bin"]
+
+
+@pytest.mark.parametrize("padded", [True, False])
+def test_seconds_and_milliseconds(padded: bool) -> None:
+    expected = [START_S * SECOND + 50_000_000 + k * 100_000_000 for k in range(20)]
+    names = [f"{ns // SECOND}_{ns % SECOND // 10**6:0{3 if padded else 1}d}" for ns in expected]
+    assert stamps(names) == expected
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["%Y-%m-%d_%H-%M-%S", "scan_%Y%m%d_%H%M%S", "%Y%m%dT%H%M%S.000", "%Y-%m-%dT%H:%M:%S_cloud", "%Y_%m_%d-%H.%M.%S"],
+)
+def test_dates_with_their_time(form: str) -> None:
+    times = [datetime(2023, 11, 14, 22, 13, 58, tzinfo=UTC) + timedelta(seconds=k) for k in range(5)]
+    found = stamps_of_names([time.strftime(form) for time in times])
+    assert found.stamps_ns.tolist() == [round(time.timestamp()) * SECOND for time in times]
+    assert not found.made_up
+
+
+def test_a_day_alone_is_no_time() -> None:
+    found = stamps_of_names([f"20231114_{k}" for k in range(8, 12)])
+    assert found.made_up
+    assert np.diff(found.stamps_ns).tolist() == [SECOND // 10] * 3

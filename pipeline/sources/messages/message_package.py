@@ -1,0 +1,36 @@
+"""The ROS 2 package `wiclosure_msgs`, written into a workspace."""
+
+from __future__ import annotations
+
+import getpass
+import shutil
+import socket
+from importlib.resources import as_file
+from pathlib import Path
+from string import Template
+
+from wiclosure.errors import OutputError
+from wiclosure.pipeline.runtime.output import whole_folder
+from wiclosure.pipeline.sources.messages.wireless_messages import MESSAGE_PACKAGE
+
+
+def write_message_package(folder: Path) -> Path:
+    """Writes `wiclosure_msgs` into a folder; its maintainer is whoever writes it, as `ros2 pkg create` has it.
+
+    Returns:
+        The package's folder.
+
+    Raises:
+        OutputError: it exists already, or cannot be written.
+    """
+    target = folder / "wiclosure_msgs"
+    if target.exists():
+        raise OutputError(f"{target} exists already; remove it first, or name another folder")
+    user = getpass.getuser()
+    with whole_folder(target) as scratch, as_file(MESSAGE_PACKAGE) as package:
+        shutil.copytree(package, scratch, dirs_exist_ok=True)
+        manifest = scratch / "package.xml"
+        text = Template(manifest.read_text(encoding="utf-8"))
+        filled = text.substitute(name=user, email=f"{user}@{socket.gethostname() or 'localhost'}")
+        manifest.write_text(filled, encoding="utf-8")
+    return target
