@@ -69,6 +69,7 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         fit=chosen.fit.by_time,
         suspected_fault=chosen.fault,
         calibration=chosen.best.calibration,
+        calibration_covariance=chosen.best.of_errors,
     )
 
 
@@ -160,6 +161,7 @@ class _Followed:
         explanation: of the measurements; leading dimension 1.
         distance_m: `(M,)` of the antennas.
         calibration: systematic errors that were estimated along with it.
+        of_errors: `(7, 7)` covariance of these errors.
         vague: why it is too vague to prune by, or an empty string.
     """
 
@@ -169,6 +171,7 @@ class _Followed:
     explanation: Explanation
     distance_m: FloatArray
     calibration: tuple[Calibration, ...] = ()
+    of_errors: FloatArray | None = None
     vague: str = ""
 
     @property
@@ -195,6 +198,7 @@ def _followed(
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
     w = displacements_in_a(state[None], observations)[1][0]
     calibration: tuple[Calibration, ...] = ()
+    of_errors = None
     vague = ""
     if found.chosen is None and len(observations) > 1:
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
@@ -203,6 +207,7 @@ def _followed(
             covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
             mixture = Mixture.of(frames.corrected, mixture.radio)
             calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
+            of_errors = frames.errors.covariance
             vague = unobservable(covariance, observations, settings.guard)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
@@ -211,7 +216,7 @@ def _followed(
     )
     distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
     covariance = tangent_covariance(state, covariance, observations)
-    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, vague)
+    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, of_errors, vague)
 
 
 def _spread(covariance: FloatArray, information: FloatArray) -> FloatArray:
