@@ -13,15 +13,15 @@ from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameA
 from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess, unobservable
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
-from wiclosure.wiclosure_filter.alignment.fit import Fit
-from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.fit import Fit
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.links.links import Links
 
 _NOTHING_FOUND = {

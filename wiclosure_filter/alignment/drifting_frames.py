@@ -19,17 +19,17 @@ from scipy.linalg import solveh_banded
 from wiclosure import se3
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.alignment.refinement import Prior
-from wiclosure.wiclosure_filter.alignment.residuals import (
+from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import (
     ResidualRows,
     displacements_in_a,
     residual_rows,
     seen_by_receiver,
 )
-from wiclosure.wiclosure_filter.config import CalibrationPriors
 
 _EXCUSES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0, 0.0, 0.0, 0.0)  # of the rigid transform's drift, step by step
 _FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import binom, norm
 
 from wiclosure.types import AlignmentFit, FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 
 _DRAWS = 64
 _SEED = 7

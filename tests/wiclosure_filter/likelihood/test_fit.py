@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.fit import Fit
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, explained
+from wiclosure.wiclosure_filter.likelihood.fit import Fit
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
 
 
 def fit_at(state: FloatArray, mixture: Mixture) -> Fit:

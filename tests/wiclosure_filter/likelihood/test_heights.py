@@ -7,8 +7,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import Trajectory
-from wiclosure.wiclosure_filter.alignment.heights import height_sigma_m, slope
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.heights import height_sigma_m, slope
 
 X = np.arange(0.0, 200.0)
 
