@@ -21,6 +21,7 @@ _DRAWS = 64
 _SEED = 7
 _SHORT = 4.0  # standard deviations by which a range is too short for a path that is never shorter than the direct one
 _BINS = 12
+_ASKED = " (are azimuths in radians, counter-clockwise from x forward, in the axes of aoa_frame?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ class Fit:
             return ""
         told = []
         if self.bearings.probability < least:
-            told.append(_count("bearings", self.bearings))
+            told.append(_count("bearings", self.bearings) + ("" if self.ranges.probability < least else _ASKED))
         if self.ranges.probability < least:
             told.append(_count("ranges", self.ranges))
         if self.short_probability < least:
