@@ -52,21 +52,21 @@ def test_what_explains_that_nothing_overlaps(span, settings):
 
 
 # ---------------------------------------------------------------------------------------------------- shift of a clock
-def walk(robot: str, seed: int, seconds: int = 12) -> Trajectory:
+def walk(robot: str, seed: int, seconds: int = 20) -> Trajectory:
     """A winding drive at 2 m/s, two poses a second; so short that few shifts keep the ranges inside."""
     rng = np.random.default_rng(seed)
     heading = rng.uniform(0, 6) + np.cumsum(rng.normal(0, 0.4, 2 * seconds))
     steps = np.column_stack([np.cos(heading), np.sin(heading), 0 * heading])
     stamps_ns = START_NS + np.arange(2 * seconds) * SECOND_NS // 2
-    return Trajectory(robot, stamps_ns, se3.from_yaw(heading, np.cumsum(steps, axis=0) + [5.0 * seed, 0, 0]))
+    return Trajectory(robot, stamps_ns, se3.from_yaw(heading, np.cumsum(steps, axis=0) + np.array([5.0 * seed, 0, 0])))
 
 
 PATHS = {"a": walk("a", 1), "b": walk("b", 2)}
 
 
-def samples_of(paths, late_s: float, count: int = 20):
+def samples_of(paths, late_s: float, count: int = 24):
     """Ranges, with noise of 0.1 m, whose stamps are `late_s` behind the trajectories'."""
-    at_ns = START_NS + np.linspace(1.5 * SECOND_NS, 10 * SECOND_NS, count).astype(np.int64)
+    at_ns = START_NS + np.linspace(1.5 * SECOND_NS, 18 * SECOND_NS, count).astype(np.int64)
     ranges = np.linalg.norm(paths["a"].at(at_ns)[:, :3, 3] - paths["b"].at(at_ns)[:, :3, 3], axis=1)
     ranges += 0.1 * np.random.default_rng(0).normal(size=count)
     measurements = [
@@ -76,8 +76,8 @@ def samples_of(paths, late_s: float, count: int = 20):
     return pair_samples(measurements)["a", "b"]
 
 
-@pytest.mark.parametrize("late_s", [-0.65, 0.8])
-def test_a_shift_of_the_clock_is_found(late_s):
+def test_a_shift_of_the_clock_is_found():
+    late_s = -1.35
     found, shift_s = check_clock(samples_of(PATHS, late_s), PATHS)
     assert shift_s == pytest.approx(-late_s, abs=0.15)
     assert (found.level, found.pair) == ("suspect", ("a", "b"))
@@ -97,7 +97,7 @@ def test_too_few_ranges_do_not_tell():
 
 def test_robots_that_stand_still_do_not_tell():
     still = {
-        robot: Trajectory(robot, PATHS[robot].stamps_ns, np.tile(se3.from_yaw(0.0, np.array(place)), (24, 1, 1)))
+        robot: Trajectory(robot, PATHS[robot].stamps_ns, np.tile(se3.from_yaw(0.0, np.array(place)), (40, 1, 1)))
         for robot, place in (("a", [0.0, 0, 0]), ("b", [3.0, 4, 0]))
     }
     found, shift_s = check_clock(samples_of(still, 1.0), still)
