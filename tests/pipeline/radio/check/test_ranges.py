@@ -16,7 +16,7 @@ def walk(robot: str, seed: int) -> Trajectory:
     rng = np.random.default_rng(seed)
     heading = rng.uniform(0, 6) + np.cumsum(rng.normal(0, 0.3, len(STAMPS_NS)))
     steps = np.column_stack([np.cos(heading), np.sin(heading), 0 * heading])
-    return Trajectory(robot, STAMPS_NS, se3.from_yaw(heading, np.cumsum(steps, axis=0) + [10.0 * seed, 0, 0]))
+    return Trajectory(robot, STAMPS_NS, se3.from_yaw(heading, np.cumsum(steps, axis=0) + np.array([10.0 * seed, 0, 0])))
 
 
 PATHS = {"a": walk("a", 1), "b": walk("b", 2)}
