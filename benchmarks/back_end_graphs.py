@@ -275,7 +275,7 @@ def _paths(seed: int, robots: int) -> tuple[dict[str, Trajectory], dict[str, Flo
         measured = steps @ se3.exp(rng.normal(size=(119, 6)) * sigma)
         truth[f"r{n}"] = _chain(start, steps)
         covariance = np.tile(np.diag(sigma**2), (119, 1, 1))
-        stamps = np.arange(120, dtype=np.int64)
+        stamps = np.arange(120, dtype=np.int64) * 1_000_000_000
         odometry[f"r{n}"] = Trajectory(f"r{n}", stamps, _chain(np.eye(4), measured), step_covariances=covariance)
     return odometry, truth, rng
 
