@@ -76,7 +76,7 @@ def team(graph: Graph, seed: int, share_false: float, false: Callable[..., list[
         name = f"r{robot}"
         names.append(name)
         start[nodes] = nodes[0]
-        stamps = np.arange(len(nodes), dtype=np.int64)
+        stamps = np.arange(len(nodes), dtype=np.int64) * 1_000_000_000
         odometry[name] = Trajectory(name, stamps, np.stack(poses), step_covariances=graph.covariance[steps])
     closures = [
         closure(names, graph, int(i), int(j), T, C, start)
