@@ -275,13 +275,8 @@ def _paths(seed: int, robots: int) -> tuple[dict[str, Trajectory], dict[str, Flo
         measured = steps @ se3.exp(rng.normal(size=(119, 6)) * sigma)
         truth[f"r{n}"] = _chain(start, steps)
         covariance = np.tile(np.diag(sigma**2), (119, 1, 1))
-<<<<<<< HEAD
         stamps_ns = np.arange(120, dtype=np.int64) * 10**9
         odometry[f"r{n}"] = Trajectory(f"r{n}", stamps_ns, _chain(np.eye(4), measured), step_covariances=covariance)
-=======
-        stamps = np.arange(120, dtype=np.int64) * 1_000_000_000
-        odometry[f"r{n}"] = Trajectory(f"r{n}", stamps, _chain(np.eye(4), measured), step_covariances=covariance)
->>>>>>> backend2
     return odometry, truth, rng
 
 

@@ -76,13 +76,8 @@ def team(graph: Graph, seed: int, share_false: float, false: Callable[..., list[
         name = f"r{robot}"
         names.append(name)
         start[nodes] = nodes[0]
-<<<<<<< HEAD
         stamps_ns = np.arange(len(nodes), dtype=np.int64) * 10**9
         odometry[name] = Trajectory(name, stamps_ns, np.stack(poses), step_covariances=graph.covariance[steps])
-=======
-        stamps = np.arange(len(nodes), dtype=np.int64) * 1_000_000_000
-        odometry[name] = Trajectory(name, stamps, np.stack(poses), step_covariances=graph.covariance[steps])
->>>>>>> backend2
     closures = [
         closure(names, graph, int(i), int(j), T, C, start)
         for i, j, T, C in zip(
