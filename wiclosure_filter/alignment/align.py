@@ -12,7 +12,7 @@ from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess, unobservable
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
-from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
+from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
@@ -129,7 +129,14 @@ def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings:
     if found.chosen is None and not verdict.ambiguous:
         second = second_alignment(found, verdict.best, verdict.different, verdict.log_volume, settings.guard.min_odds)
     rows = (verdict.best, *(verdict.others if second is None else (second.row,)))
-    followed = [_followed(found, row, links, odometry, verdict.covariance, settings) for row in rows]
+    several = found.chosen is None and len(links) > 1
+    others = several and drift_matters(found.drift, found.mixture.observations)  # the best one is calibrated besides
+    followed = [
+        _followed(
+            found, row, links, odometry, verdict.covariance, settings, follow=others or (several and row == rows[0])
+        )
+        for row in rows
+    ]
     return _Chosen.of(verdict, followed, second, settings)
 
 
@@ -193,6 +200,8 @@ def _followed(
     odometry: PairOdometry,
     covariance: FloatArray,
     settings: AlignmentSettings,
+    *,
+    follow: bool,
 ) -> _Followed:
     mixture, observations = found.mixture, found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
@@ -200,7 +209,7 @@ def _followed(
     calibration: tuple[Calibration, ...] = ()
     of_errors = None
     vague = ""
-    if found.chosen is None and len(observations) > 1:
+    if follow:
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
             frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
             state, explanation, w = frames.state, frames.explanation, frames.w
