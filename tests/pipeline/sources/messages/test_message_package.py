@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
@@ -12,7 +12,7 @@ from wiclosure.pipeline.sources.messages.message_package import write_message_pa
 def test_the_package_is_whole_and_names_its_maintainer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOGNAME", "ada")
     package = write_message_package(tmp_path / "src")
-    maintainer = ElementTree.parse(package / "package.xml").getroot().find("maintainer")
+    maintainer = ET.parse(package / "package.xml").getroot().find("maintainer")
     assert maintainer is not None
     assert maintainer.text == "ada"
     assert maintainer.get("email", "").startswith("ada@")
