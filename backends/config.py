@@ -80,7 +80,8 @@ class PcmSettings(Settings):
         ge=1,
         le=128,
         description="how many times too small or too large the stated standard deviations may be: the factor is"
-        " estimated within these bounds (groups only). 1: taken as stated. `wiclosure optimize` uses 10",
+        " estimated within these bounds, too large by their third power (groups only). 1: taken as stated."
+        " `wiclosure optimize` uses 10",
     )
     time_budget_s: float = Field(
         5.0,

@@ -21,6 +21,8 @@ QUANTILES = np.array([0.5, 0.75, 0.9, 0.95])  # of residuals, the most demanding
 ENOUGH = 20  # residuals from which a scale is taken
 NO_MATTER = 1.5  # factors nearer to 1 change no decision that the data could settle
 STEP = np.sqrt(2.0)
+ROOM = 4.0  # times the factor of a set, from where the residuals of the estimate lead down again
+SHRINKS = 3  # times as far, on a logarithmic scale, as it grows: smaller sigmas let nothing false agree
 
 
 def of_residuals(distances: FloatArray) -> float | None:
@@ -31,12 +33,12 @@ def of_residuals(distances: FloatArray) -> float | None:
 
 
 def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> float:
-    """The factor, at most `most` or its inverse, that makes the sets found between robots least likely by chance.
+    """The factor, from `least(most)` to `most`, that makes the sets found between robots least likely by chance.
 
     Then the pairs within these sets tell the factor as residuals do.
     """
     steps = int(np.log(most) / np.log(STEP) + 1e-9)
-    scales = STEP ** np.arange(-steps, steps + 1)
+    scales = STEP ** np.arange(-SHRINKS * steps, steps + 1)
     evidence = [sum(_evidence(of, limit * scale**2) for of in comparisons) for scale in scales]
     if max(evidence) <= 0:
         return 1.0
@@ -44,14 +46,26 @@ def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> flo
     rare = np.log(EXPECTED_BY_CHANCE / len(scales))  # one of so many scales fits random closures best
     inside = np.concatenate([_inside(of, limit * rough**2, limit * (2.0 * rough) ** 2, rare) for of in comparisons])
     fine = of_residuals(inside)
-    return 1.0 if fine is None else float(np.clip(fine, rough / 2.0, rough * 2.0))
+    if fine is None:
+        return 1.0
+    found = float(np.clip(fine, rough / 2.0, rough * 2.0))
+    if found >= 1.0 / NO_MATTER:
+        return found
+    # Who agrees least may be outside the set: below what is stated there is room to let the estimate tell.
+    rarer = (scales <= ROOM * found) & (scales >= found) & (np.array(evidence) >= -rare)
+    return float(np.max(scales[rarer], initial=found))
 
 
 def settled(scale: float, most: float) -> float:
     """Within what is allowed; 1 where it is near 1."""
     if 1.0 / NO_MATTER <= scale <= NO_MATTER:
         return 1.0
-    return float(np.clip(scale, 1.0 / most, most))
+    return float(np.clip(scale, least(most), most))
+
+
+def least(most: float) -> float:
+    """The smallest factor: edges without information are read as if they were known to a metre and a radian."""
+    return most**-SHRINKS
 
 
 def _evidence(comparison: Comparison, limit: float) -> float:

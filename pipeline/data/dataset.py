@@ -158,7 +158,8 @@ class Dataset:
         for robot in sorted(log.robots() - set(self.robots)):
             raise InputError(
                 f"{path} mentions the robot {robot!r}, but the data set has {', '.join(self.robots)};"
-                f" {did_you_mean(robot, self.robots)}add its recording, or name the robots alike"
+                f" {did_you_mean(robot, self.robots)}add its recording, or map the id:"
+                f" robots: {{{robot}: {next(iter(self.robots))}}}"
             )
         return log
 

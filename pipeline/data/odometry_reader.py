@@ -78,9 +78,11 @@ def _lidar_in_body(robot: str, recording: RobotRecording, body_frame: str, *, sa
     if not body_frame or not bag_kind(recording.scans):
         return None
     mount: LidarMount = lidar_mount(recording.scans, recording.topic, body_frame, recording.odometry, salvage=salvage)
+    if mount.frame == body_frame:
+        return None
     if mount.T_body_lidar is not None:
         logger.warning("%s: /tf_static says where the LiDAR (%s) is in %s; used", robot, mount.frame, body_frame)
-    elif mount.frame and mount.frame != body_frame:
+    elif mount.frame:
         logger.warning(
             "%s: its odometry tells the path of %s, its clouds are in %s, and no static transform connects the two;"
             " they are taken for one: set lidar_pose if they are not", robot, body_frame, mount.frame,

@@ -119,6 +119,7 @@ class FrameAlignment:
     fit: AlignmentFit | None = None
     suspected_fault: str = ""
     calibration: tuple[Calibration, ...] = ()
+    calibration_covariance: FloatArray | None = None
     corrections: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,21 @@ def test_of_unrelated_closures_none_is_accepted_under_any_scale(team_maker, coun
         closures = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
         result = pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT, max_scale=max_scale))
         assert not live(result).any()
+
+
+@pytest.mark.parametrize("false", [0, 10])
+def test_closures_without_information_are_kept_under_the_scale_that_they_show(team_maker, false):
+    """Edges that state nothing are read as known to a metre and a radian: under that, anything agrees."""
+    kept = []
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        closures = between(team, "alpha", "beta", rng.integers(0, 60, (10, 2)), rng)
+        ends = rng.integers(0, 60, (false, 2))
+        closures += [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
+        unknown = [team.remeasured(c, covariance=np.eye(6)) for c in closures]
+        steps = np.tile(np.eye(6), (59, 1, 1))
+        odometry = {name: replace(t, step_covariances=steps) for name, t in team.odometry.items()}
+        result = pairwise_consistent(unknown, odometry, PcmSettings(noise=EXACT, max_scale=10.0))
+        kept.append(live(result))
+    assert np.mean([of[:10] for of in kept]) >= 0.85
+    assert not np.any([of[10:] for of in kept])

@@ -12,16 +12,16 @@ from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess, unobservable
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
-from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
-from wiclosure.wiclosure_filter.alignment.fit import Fit
-from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
+from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.fit import Fit
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.links.links import Links
 
 _NOTHING_FOUND = {
@@ -69,6 +69,7 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         fit=chosen.fit.by_time,
         suspected_fault=chosen.fault,
         calibration=chosen.best.calibration,
+        calibration_covariance=chosen.best.of_errors,
     )
 
 
@@ -128,7 +129,14 @@ def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings:
     if found.chosen is None and not verdict.ambiguous:
         second = second_alignment(found, verdict.best, verdict.different, verdict.log_volume, settings.guard.min_odds)
     rows = (verdict.best, *(verdict.others if second is None else (second.row,)))
-    followed = [_followed(found, row, links, odometry, verdict.covariance, settings) for row in rows]
+    several = found.chosen is None and len(links) > 1
+    others = several and drift_matters(found.drift, found.mixture.observations)  # the best one is calibrated besides
+    followed = [
+        _followed(
+            found, row, links, odometry, verdict.covariance, settings, follow=others or (several and row == rows[0])
+        )
+        for row in rows
+    ]
     return _Chosen.of(verdict, followed, second, settings)
 
 
@@ -160,6 +168,7 @@ class _Followed:
         explanation: of the measurements; leading dimension 1.
         distance_m: `(M,)` of the antennas.
         calibration: systematic errors that were estimated along with it.
+        of_errors: `(7, 7)` covariance of these errors.
         vague: why it is too vague to prune by, or an empty string.
     """
 
@@ -169,6 +178,7 @@ class _Followed:
     explanation: Explanation
     distance_m: FloatArray
     calibration: tuple[Calibration, ...] = ()
+    of_errors: FloatArray | None = None
     vague: str = ""
 
     @property
@@ -190,19 +200,23 @@ def _followed(
     odometry: PairOdometry,
     covariance: FloatArray,
     settings: AlignmentSettings,
+    *,
+    follow: bool,
 ) -> _Followed:
     mixture, observations = found.mixture, found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
     w = displacements_in_a(state[None], observations)[1][0]
     calibration: tuple[Calibration, ...] = ()
+    of_errors = None
     vague = ""
-    if found.chosen is None and len(observations) > 1:
+    if follow:
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
             frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
             state, explanation, w = frames.state, frames.explanation, frames.w
             covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
             mixture = Mixture.of(frames.corrected, mixture.radio)
             calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
+            of_errors = frames.errors.covariance
             vague = unobservable(covariance, observations, settings.guard)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
@@ -211,7 +225,7 @@ def _followed(
     )
     distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
     covariance = tangent_covariance(state, covariance, observations)
-    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, vague)
+    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, of_errors, vague)
 
 
 def _spread(covariance: FloatArray, information: FloatArray) -> FloatArray:

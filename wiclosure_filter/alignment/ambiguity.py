@@ -13,11 +13,11 @@ from scipy.special import logsumexp
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, displacement_m
-from wiclosure.wiclosure_filter.alignment.residuals import explained
 from wiclosure.wiclosure_filter.config import AmbiguitySettings
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import explained
 
 _MOST_PLACES = 4  # the search follows six peaks to their tops: of more places than these it may have missed some
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 BIAS, RANGE_SCALE, CLOCK, AZIMUTH_A, AZIMUTH_B, SCALE_A, SCALE_B = range(7)
 COUNT = 7

@@ -13,11 +13,11 @@ import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment import proposals
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
 from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, climb, displacement_m, first_distinct
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 _ANCHORS = 4
 _QUICK_LOOK = 20  # measurements in the first scoring

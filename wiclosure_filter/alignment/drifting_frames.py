@@ -19,19 +19,20 @@ from scipy.linalg import solveh_banded
 from wiclosure import se3
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.alignment.refinement import Prior
-from wiclosure.wiclosure_filter.alignment.residuals import (
+from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import (
     ResidualRows,
     displacements_in_a,
     residual_rows,
     seen_by_receiver,
 )
-from wiclosure.wiclosure_filter.config import CalibrationPriors
 
 _EXCUSES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0, 0.0, 0.0, 0.0)  # of the rigid transform's drift, step by step
+_FEW = 4  # steps where there is nothing to be excused for
 _FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
 _MAX_STEP_RAD, _MAX_STEP_M = 0.3, 20.0
 
@@ -86,7 +87,7 @@ def follow_drift(
     w = displacements_in_a(state[None], errors.observations)[1][0]
     at_start = rigid.subset(order).explain(seen_by_receiver(w[None], yaw[None], ~errors.observations.a_receives))
     value = errors.first_guess(at_start, np.linalg.norm(w, axis=1))
-    for excuse in _EXCUSES:
+    for excuse in _EXCUSES if drift_matters(drift, rigid.observations) else _EXCUSES[-_FEW:]:
         links = errors.corrected(value)
         mixture = Mixture.of(links, rigid.radio, (excuse * excused[0], excuse * excused[1]) if excuse > 0 else None)
         system = _system(yaw, w, mixture, prior, odometry, errors, value)
@@ -113,6 +114,12 @@ def follow_drift(
         estimated,
         links.subset(back),
     )
+
+
+def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observations) -> bool:
+    """False where a rigid transform explains everything as well."""
+    relative = drift[0].max() / observations.typical_distance_m
+    return bool(relative > 0.02 or drift[1].max() > 0.02)
 
 
 @dataclass(frozen=True, eq=False)

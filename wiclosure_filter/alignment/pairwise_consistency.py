@@ -20,10 +20,10 @@ from wiclosure import se3
 from wiclosure.max_clique import max_clique
 from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
 from wiclosure.wiclosure_filter.alignment.refinement import Peaks, climb
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
 
 _CLIQUES = 2  # the best, and the best of what it leaves
 _TIME_BUDGET_S = 1.0

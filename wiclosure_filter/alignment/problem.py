@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.heights import height_sigma_m
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.alignment.refinement import Prior
 from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
+from wiclosure.wiclosure_filter.likelihood.heights import height_sigma_m
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.links.links import Links
 
 

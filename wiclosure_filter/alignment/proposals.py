@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 _SEED = 20_231  # proposals are drawn the same way every time: equal input gives equal output
 _YAW_GRID = 72

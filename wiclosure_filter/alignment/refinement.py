@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, residual_rows
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, residual_rows
 
 _FIRST_STEPS = 5
 _LAST_STEPS = 15

@@ -15,8 +15,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation
-from wiclosure.wiclosure_filter.alignment.residuals import displacements_in_a, seen_by_receiver
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver
 
 _SLIP_ODDS = 0.01  # of a slip, a lifted robot or a restarted odometry while two robots hear each other
 _REFLECTION_ODDS = 0.05  # of a wall that shows a virtual transmitter throughout

@@ -13,7 +13,6 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
 from wiclosure.wiclosure_filter.alignment.refinement import (
     SAME_PEAK_M,
@@ -22,7 +21,8 @@ from wiclosure.wiclosure_filter.alignment.refinement import (
     displacement_m,
     first_distinct,
 )
-from wiclosure.wiclosure_filter.alignment.residuals import derivative_by_displacement, measured_residuals
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.residuals import derivative_by_displacement, measured_residuals
 from wiclosure.wiclosure_filter.links.links import Links
 
 _STEPS = 20

@@ -19,6 +19,7 @@ Inputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
 _Measurement: TypeAlias = WirelessMeasurement
 
 _CLOCKS_S = (0.5, 2.0)  # the rest is estimated from there
+_FITTED = float(np.log(0.05))
 _SCALES = (0.9, 1.1)
 _UNITS_M = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001}
 _WIDEST_RAD = 0.35  # a bearing that may be further off tells nothing, and agrees with everything
@@ -33,6 +34,7 @@ class Correction:
         fault: the error, as a sentence without its end.
         apply: corrected trajectories and log.
         log_scale: natural logarithm of the factor on every range: densities over ranges are compared in one unit.
+        log_prior: natural logarithm of how likely it is beside the others; an offset that was fitted could be any.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
     """
 
@@ -40,6 +42,7 @@ class Correction:
     apply: Callable[[Inputs], Inputs]
     of_log: bool = True
     log_scale: float = 0.0
+    log_prior: float = 0.0
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
@@ -59,16 +62,18 @@ def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction
 def azimuths_off(angle_rad: float) -> Correction:
     """Of azimuths that are too large by an angle, as those of an antenna array that is mounted turned."""
     side = f"{abs(np.degrees(angle_rad)):.0f} degrees {'counter-clockwise' if angle_rad > 0 else 'clockwise'}"
-    return _azimuths(f"azimuths are off by {side}: the antenna array seems to be mounted turned", 1.0, -angle_rad)
+    turned = _azimuths(f"azimuths are off by {side}: the antenna array seems to be mounted turned", 1.0, -angle_rad)
+    return replace(turned, log_prior=_FITTED)
 
 
 def ranges_off(bias_m: float) -> Correction:
     """Of ranges that are too long throughout, as those of antennas with an uncalibrated delay."""
     side = "long" if bias_m > 0 else "short"
-    return _each(
+    shifted = _each(
         f"ranges are {abs(bias_m):.1f} m too {side}: the antenna delay seems not to be calibrated",
         lambda m: m if m.range_m is None else replace(m, range_m=max(m.range_m - bias_m, 0.0)),
     )
+    return replace(shifted, log_prior=_FITTED)
 
 
 def clocks_apart(robot_b: str, ahead_s: float) -> Correction:

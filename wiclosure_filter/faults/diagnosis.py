@@ -87,7 +87,8 @@ def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, setti
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
     ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
-    return corrected.best.log_likelihood + ranges * correction.log_scale - claimed.best.log_likelihood
+    gained = corrected.best.log_likelihood - claimed.best.log_likelihood
+    return gained + ranges * correction.log_scale + correction.log_prior
 
 
 def _constant_errors(T_a_b: FloatArray, inputs: Inputs, settings: AlignmentSettings) -> list[Correction]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import gtsam
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
+from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.calibration import (
     AZIMUTH_A,
     AZIMUTH_B,
@@ -26,11 +25,11 @@ _OF_LINKS = (BIAS, RANGE_SCALE, CLOCK, AZIMUTH_A, AZIMUTH_B)  # scales of odomet
 _STEP = 0.1  # of a standard deviation, where derivatives are taken
 
 
-def errors_of(calibration: Sequence[Calibration]) -> tuple[FloatArray, FloatArray]:
-    """Values and sigmas `(7,)` of the errors that an alignment estimated; nothing where it estimated none."""
-    if not calibration:
-        return np.zeros(COUNT), np.zeros(COUNT)
-    return np.array([one.value for one in calibration]), np.array([one.sigma for one in calibration])
+def errors_of(alignment: FrameAlignment) -> tuple[FloatArray, FloatArray]:
+    """Values `(7,)` and covariance `(7, 7)` of the errors that an alignment estimated; nothing where it did not."""
+    if alignment.calibration_covariance is None:
+        return np.zeros(COUNT), np.zeros((COUNT, COUNT))
+    return np.array([one.value for one in alignment.calibration]), alignment.calibration_covariance
 
 
 def without_errors(kept: KeptLinks, errors: FloatArray, b: Trajectory) -> KeptLinks:
@@ -55,37 +54,40 @@ def without_errors(kept: KeptLinks, errors: FloatArray, b: Trajectory) -> KeptLi
 
 def pulls(
     kept: KeptLinks,
-    sigma: FloatArray,
+    covariance: FloatArray,
     keys: tuple[IntArray, IntArray],
     b: Trajectory,
     values: gtsam.Values,
     robust_threshold: float,
 ) -> dict[int, FloatArray]:
-    """How errors of one standard deviation each would pull at the nodes of the links.
+    """How errors would pull at the nodes of the links, as independent ones of one standard deviation each.
 
     Args:
         kept: L links.
-        sigma: `(7,)` of the errors.
+        covariance: `(7, 7)` of the errors.
         keys: `(L,)` each, of the nodes at a and at b.
         b: trajectory of the second robot.
         values: the joint estimate.
         robust_threshold: of the kernel, in standard deviations.
 
     Returns:
-        By key of a node, change of the gradient `(6, 5)`, one column for each error of the links.
+        By key of a node, change of the gradient `(6, 5)`.
     """
+    of_links = covariance[np.ix_(_OF_LINKS, _OF_LINKS)]
+    sigma = np.sqrt(np.diag(of_links))
+    mixing = np.linalg.cholesky(of_links / np.outer(sigma, sigma) + 1e-9 * np.eye(len(sigma)))
     still = _gradient(kept, keys, values, robust_threshold)
     found = {key: np.zeros((6, len(_OF_LINKS))) for key in still}
     for column, error in enumerate(_OF_LINKS):
         step = np.zeros(COUNT)
-        step[error] = _STEP * sigma[error]
+        step[error] = _STEP * sigma[column]
         moved = values
         if error == CLOCK:
             moved = _moved(values, keys[1], step[CLOCK] * motion(b, kept.links.index_b)[0])
         changed = _gradient(without_errors(kept, step, b), keys, moved, robust_threshold)
         for key, gradient in changed.items():
             found[key][:, column] = (gradient - still[key]) / _STEP
-    return found
+    return {key: pull @ mixing for key, pull in found.items()}
 
 
 def _gradient(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.heights import height_sigma_m
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.heights import height_sigma_m
 
 # Sigmas of what nothing is known of, small enough for well-conditioned equations.
 UNKNOWN_M, UNKNOWN_RAD = 1e4, 3.0

@@ -158,7 +158,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
-    error_sigma: Mapping[tuple[str, str], FloatArray] | None = None,
+    of_errors: Mapping[tuple[str, str], FloatArray] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -168,7 +168,7 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
-        error_sigma: `(7,)` of the systematic errors of each pair's links, see `alignment.calibration`.
+        of_errors: `(7, 7)` covariance of the systematic errors of each pair's links, see `alignment.calibration`.
     """
     nodes, first, linked = team.nodes, team.first, team.linked
     initial = gtsam.Values()
@@ -194,10 +194,10 @@ def estimate(
         values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
-    for (a, b), sigma in (error_sigma or {}).items():
+    for (a, b), known in (of_errors or {}).items():
         keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
         trajectory = nodes[b].trajectory
-        covariance = covariance.widened(pulls(team.links[a, b], sigma, keys, trajectory, values, robust_threshold))
+        covariance = covariance.widened(pulls(team.links[a, b], known, keys, trajectory, values, robust_threshold))
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
     return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
-from wiclosure.wiclosure_filter.alignment.observations import UNKNOWN_DISTANCE_M
+from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 

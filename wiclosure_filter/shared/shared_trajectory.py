@@ -98,7 +98,7 @@ def _calibrated(alignment: FrameAlignment, links: Links, trajectories: Mapping[s
     """The links that an alignment keeps, without the systematic errors that it found."""
     assert alignment.best is not None  # it is certain
     kept = KeptLinks.of(alignment.best, links)
-    errors, _ = errors_of(alignment.calibration)
+    errors, _ = errors_of(alignment)
     return without_errors(kept, errors, trajectories[alignment.robot_b]) if errors.any() else kept
 
 
@@ -127,8 +127,8 @@ def _joint(
         if len(frames) > 1:
             own = {pair: links for pair, links in kept.items() if pair[0] in frames}
             try:
-                sigma = {pair: errors_of(alignments[pair].calibration)[1] for pair in own}
-                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, sigma, prior, settings)
+                errors = {pair: errors_of(alignments[pair])[1] for pair in own}
+                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, errors, prior, settings)
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
                 left = [robot for robot in left if robot not in frames]
@@ -162,7 +162,7 @@ def _component(
     trajectories: Mapping[str, Trajectory],
     frames: Mapping[str, FloatArray],
     kept: Mapping[tuple[str, str], KeptLinks],
-    error_sigma: Mapping[tuple[str, str], FloatArray],
+    of_errors: Mapping[tuple[str, str], FloatArray],
     prior: FramePrior,
     settings: SharedTrajectorySettings,
 ) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
@@ -174,7 +174,7 @@ def _component(
         prior,
         robust_threshold=settings.robust_threshold,
         drift_weight=settings.drift_weight,
-        error_sigma={pair: sigma for pair, sigma in error_sigma.items() if sigma.any()},
+        of_errors={pair: covariance for pair, covariance in of_errors.items() if covariance.any()},
     )
     return joint, {pair: joint.misfit(links, *team.ends[pair]) for pair, links in kept.items()}
 

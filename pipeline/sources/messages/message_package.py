@@ -10,7 +10,6 @@ from pathlib import Path
 from string import Template
 
 from wiclosure.errors import OutputError
-from wiclosure.pipeline.runtime.output import whole_folder
 from wiclosure.pipeline.sources.messages.wireless_messages import MESSAGE_PACKAGE
 
 
@@ -27,10 +26,14 @@ def write_message_package(folder: Path) -> Path:
     if target.exists():
         raise OutputError(f"{target} exists already; remove it first, or name another folder")
     user = getpass.getuser()
-    with whole_folder(target) as scratch, as_file(MESSAGE_PACKAGE) as package:
-        shutil.copytree(package, scratch, dirs_exist_ok=True)
-        manifest = scratch / "package.xml"
+    try:
+        with as_file(MESSAGE_PACKAGE) as package:
+            shutil.copytree(package, target)
+        manifest = target / "package.xml"
         text = Template(manifest.read_text(encoding="utf-8"))
         filled = text.substitute(name=user, email=f"{user}@{socket.gethostname() or 'localhost'}")
         manifest.write_text(filled, encoding="utf-8")
+    except OSError as error:
+        shutil.rmtree(target, ignore_errors=True)
+        raise OutputError(f"cannot write {target}: {error.strerror or error}; choose another folder") from error
     return target

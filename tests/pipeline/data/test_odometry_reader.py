@@ -42,7 +42,9 @@ class Drive(Protocol):
     def __getitem__(self, index: int) -> Scan: ...
 
 
-def messages(scans: list[Scan], way: Trajectory, encoding: Encoding) -> Iterator[tuple[str, int, memoryview]]:
+def messages(
+    scans: list[Scan], way: Trajectory, encoding: Encoding, body_frame: str = "base_link"
+) -> Iterator[tuple[str, int, memoryview]]:
     store = typestore(encoding)
     types = store.types
     for scan in scans:
@@ -53,7 +55,7 @@ def messages(scans: list[Scan], way: Trajectory, encoding: Encoding) -> Iterator
         zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
         message = types[ODOMETRY_TYPE](
             header=encode_header(int(stamp_ns), store, "odom"),
-            child_frame_id="base_link",
+            child_frame_id=body_frame,
             pose=types["geometry_msgs/msg/PoseWithCovariance"](
                 types["geometry_msgs/msg/Pose"](
                     types["geometry_msgs/msg/Point"](x, y, z), types["geometry_msgs/msg/Quaternion"](qx, qy, qz, qw)
@@ -67,7 +69,9 @@ def messages(scans: list[Scan], way: Trajectory, encoding: Encoding) -> Iterator
         yield "/odom", int(stamp_ns), serialize(store, encoding, message, ODOMETRY_TYPE)
 
 
-def write_bag(path: Path, scans: list[Scan], way: Trajectory, encoding: Encoding) -> None:
+def write_bag(
+    path: Path, scans: list[Scan], way: Trajectory, encoding: Encoding, body_frame: str = "base_link"
+) -> None:
     writer = Writer1(path) if encoding == "ros1" else Writer2(path, version=8, storage_plugin=StoragePlugin.MCAP)
     with writer:
         store = typestore(encoding)
@@ -75,7 +79,7 @@ def write_bag(path: Path, scans: list[Scan], way: Trajectory, encoding: Encoding
             topic: writer.add_connection(topic, msgtype, typestore=store)
             for topic, msgtype in (("/points", POINT_CLOUD_TYPE), ("/odom", ODOMETRY_TYPE))
         }
-        for topic, stamp_ns, raw in messages(scans, way, encoding):
+        for topic, stamp_ns, raw in messages(scans, way, encoding, body_frame):
             writer.write(topics[topic], stamp_ns, raw)  # type: ignore[arg-type]  # each connection is of its own writer
 
 
@@ -226,6 +230,16 @@ def test_frames_that_nothing_connects_are_said(tmp_path: Path, caplog: pytest.Lo
     assert (
         "tells the path of base_link, its clouds are in lidar, and no static transform connects the two" in caplog.text
     )
+
+
+def test_clouds_in_the_frame_that_the_odometry_follows_need_no_transform(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_bag(tmp_path / "a.bag", *small_room(), "ros1", body_frame="lidar")
+    (tmp_path / "dataset.yaml").write_text("robots: {alpha: {scans: a.bag, topic: /points, odometry_topic: /odom}}")
+    open_inputs([str(tmp_path)])
+    assert "tf_static" not in caplog.text
+    assert "static transform" not in caplog.text
 
 
 @pytest.mark.parametrize("far_m", [(458_058.6, 5_429_380.2, 162.9), (-12_000.0, 3.0, 0.0)])

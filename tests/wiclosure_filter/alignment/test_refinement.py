@@ -10,7 +10,6 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
 from wiclosure.wiclosure_filter.alignment.refinement import (
     Peaks,
     Prior,
@@ -19,7 +18,8 @@ from wiclosure.wiclosure_filter.alignment.refinement import (
     first_distinct,
     normal_equations,
 )
-from wiclosure.wiclosure_filter.alignment.residuals import explained
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.residuals import explained
 
 KINDS = ["heading", "reciprocal", "one-way", "range-only"]
 

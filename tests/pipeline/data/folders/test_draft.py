@@ -17,7 +17,7 @@ from wiclosure.pipeline import cli
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.data.folders.draft import GUESS, draft_dataset
-from wiclosure.pipeline.data.folders.overview import overview
+from wiclosure.pipeline.data.folders.overview import overview, recording_overview
 from wiclosure.pipeline.data.folders.survey import survey
 from wiclosure.types import Scan, Trajectory, WirelessLog, WirelessMeasurement
 
@@ -236,3 +236,9 @@ def test_a_log_with_more_ids_than_robots_waits_with_all_that_is_known(site: Path
     (site / "dataset.yaml").write_text(edited.replace("12: beta}", "12: beta}, anchors: [3]"))
     (source,) = load_dataset([str(site)]).wireless
     assert (source.unit, source.anchors) == ("mm", ("3",))
+
+
+def test_what_is_known_of_a_bag_names_radio_that_is_not_used(data_dir: Path) -> None:
+    found = recording_overview(data_dir / "uwb_team_bag")
+    (note,) = [note for note in found.notes if "not used" in note]
+    assert "4020 sensor_msgs/Range messages on /uwb/tof/n_{from}/n_{to}/distance are not used (28 topics" in note

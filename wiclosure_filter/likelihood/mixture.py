@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.observations import Observations
 from wiclosure.wiclosure_filter.config import RadioModel
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 MIN_DISTANCE_M = 0.3  # antennas do not come closer; keeps bearings of near robots from turning wild
 _CHUNK = 400_000  # proposals x measurements x paths at a time: stays in the processor's cache

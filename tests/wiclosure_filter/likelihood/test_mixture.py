@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.mixture import Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
-from wiclosure.wiclosure_filter.alignment.residuals import explained
 from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import explained
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
 STANDING = {name: Trajectory(name, np.array([0, 10**9]), np.tile(np.eye(4), (2, 1, 1))) for name in ("a", "b")}

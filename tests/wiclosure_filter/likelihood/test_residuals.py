@@ -9,7 +9,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.residuals import (
+from wiclosure.wiclosure_filter.likelihood.residuals import (
     derivative_by_displacement,
     displacements_in_a,
     explained,

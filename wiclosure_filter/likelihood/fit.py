@@ -12,15 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.special import bdtrc, ndtr  # scipy.stats takes seconds to import
 
 from wiclosure.types import AlignmentFit, FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 
 _DRAWS = 64
 _SEED = 7
 _SHORT = 4.0  # standard deviations by which a range is too short for a path that is never shorter than the direct one
 _BINS = 12
+_ASKED = " (are azimuths in radians, counter-clockwise from x forward, in the axes of aoa_frame?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Share:
     @property
     def probability(self) -> float:
         """That an honest radio agrees as little (normal approximation with continuity correction)."""
-        return float(norm.cdf((self.agreeing + 0.5 - self.expected) / max(self.sigma, 0.5)))
+        return float(ndtr((self.agreeing + 0.5 - self.expected) / max(self.sigma, 0.5)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ class Fit:
             return ""
         told = []
         if self.bearings.probability < least:
-            told.append(_count("bearings", self.bearings))
+            told.append(_count("bearings", self.bearings) + ("" if self.ranges.probability < least else _ASKED))
         if self.ranges.probability < least:
             told.append(_count("ranges", self.ranges))
         if self.short_probability < least:
@@ -145,9 +146,9 @@ def short_ranges(mixture: Mixture, explanation: Explanation, distance_m: FloatAr
     scatter = max(1.0, 1.4826 * float(np.median(np.abs(z[agreeing])))) if agreeing.any() else 1.0
     counted = mixture.observations.independence[rows]
     short = z < -_SHORT * scatter
-    chance = mixture.radio.range_outlier / 2 + float(norm.cdf(-_SHORT))  # gross errors are as often too short
+    chance = mixture.radio.range_outlier / 2 + float(ndtr(-_SHORT))  # gross errors are as often too short
     number, total = int(np.ceil((counted * short).sum() - 1e-9)), int(np.ceil(counted.sum()))
-    return int(short.sum()), float(binom.sf(number - 1, total, chance))
+    return int(short.sum()), (float(bdtrc(number - 1, total, chance)) if number else 1.0)
 
 
 def _by_time(mixture: Mixture, explanation: Explanation, probability: float) -> AlignmentFit:

@@ -8,8 +8,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
-from wiclosure.wiclosure_filter.alignment.mixture import MIN_DISTANCE_M, Explanation, Mixture
-from wiclosure.wiclosure_filter.alignment.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from wiclosure import se3
 from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.observations import Observations, independence
 from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
+from wiclosure.wiclosure_filter.likelihood.observations import Observations, independence
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 

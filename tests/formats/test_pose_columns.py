@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wiclosure.errors import InputError
+from wiclosure.formats.pose_columns import POSE, line_of_names, pose_order
+
+PATH = Path("poses.txt")
+SCALAR_FIRST = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")
+
+
+def test_the_line_of_names_may_be_a_comment_and_stand_below_others():
+    names = "# stamp, tx, ty, tz, qx, qy, qz, qw"
+    assert line_of_names(f"# written by a recorder\n{names}\n1 2 3 4 0 0 0 1\n") == names
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3 4 0 0 0 1\n", "# stamp x y z\n", "a b c d e f g 8\n"])
+def test_numbers_and_short_lines_are_no_names(text):
+    assert line_of_names(text) == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        ("stamp x y z qx qy qz qw", [1, 2, 3, 4, 5, 6, 7]),
+        ("# timestamp tx ty tz qw qx qy qz", [1, 2, 3, 5, 6, 7, 4]),
+        ("#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
+         [1, 2, 3, 5, 6, 7, 4]),
+        ("time;orientation.x;orientation.y;orientation.z;orientation.w;position.x;position.y;position.z",
+         [5, 6, 7, 1, 2, 3, 4]),
+        ('"sec","x","y","z","rot_x","rot_y","rot_z","rot_w"', [1, 2, 3, 4, 5, 6, 7]),
+    ],
+)  # fmt: skip
+def test_columns_are_found_by_their_names(line, order):
+    default = POSE if order != [1, 2, 3, 4, 5, 6, 7] else SCALAR_FIRST
+    assert pose_order(PATH, line, default) == order
+
+
+@given(columns=st.sampled_from(list(permutations(POSE[1:]))[::97]))
+def test_any_order_of_the_columns_is_undone(columns):
+    order = pose_order(PATH, " ".join(("stamp", *columns)), POSE)
+    row = ["stamp", *columns]
+    assert [row[column] for column in order] == list(POSE[1:])
+
+
+@pytest.mark.parametrize("line", ["", "one two three four five six seven eight", "t x y z qx qy qz qz"])
+def test_other_words_mean_the_order_of_the_format(line):
+    assert pose_order(PATH, line, SCALAR_FIRST) == [1, 2, 3, 5, 6, 7, 4]
+
+
+def test_a_stamp_that_is_not_first_is_refused():
+    with pytest.raises(InputError, match=r"poses.txt: its columns are x, y, .*, time; expected the stamp first"):
+        pose_order(PATH, "x y z qx qy qz qw time", POSE)
