@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -22,7 +22,7 @@ def test_the_definitions_are_those_that_bags_are_read_by(package):
 
 def test_the_manifest_names_whoever_wrote_it(package, monkeypatch, tmp_path):
     monkeypatch.setenv("LOGNAME", "ada")
-    manifest = ElementTree.parse(write_message_package(tmp_path / "other") / "package.xml").getroot()
+    manifest = ET.parse(write_message_package(tmp_path / "other") / "package.xml").getroot()
     maintainer = manifest.find("maintainer")
     assert manifest.findtext("name") == "wiclosure_msgs"
     assert maintainer.text == "ada"
