@@ -32,7 +32,7 @@ def test_each_robot_has_the_trajectory_of_its_file(files):
 
 @pytest.mark.parametrize("word", ["alpha.tum", "=alpha.tum", "alpha=", ""])
 def test_another_form_is_refused(word):
-    with pytest.raises(ConfigError, match=r"expected NAME=FILE, for example alpha=alpha.tum"):
+    with pytest.raises(ConfigError, match=r"expected NAME=FILE, for example alpha=alpha\.tum"):
         named_trajectories([word])
 
 
