@@ -54,7 +54,7 @@ def sets_between(
     found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
     for candidate in found:
         candidate.extent = _extent(robots, candidate)
-        candidate.doubt = _doubt(robots, candidate, places, settings.min_size)
+        candidate.doubt = _doubt(robots, candidate, group, places, settings.min_size)
     _rivals(found, settings.rival_share)
     return found
 
@@ -78,7 +78,20 @@ def _span(candidate: Candidate) -> float:
     return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
-def _doubt(robots: Robots, candidate: Candidate, places: Places, min_size: int) -> str:
+def _covers(robots: Robots, candidate: Candidate, group: IntArray) -> bool:
+    """Whether the ends span much of both paths, along these: a path that winds about one field spans it anywhere."""
+    nodes = robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]
+    of_robot = np.concatenate([robots.robot[n] for n in nodes])
+    along_m = np.concatenate([robots.along_m[n] for n in nodes])
+    stretches = np.zeros(len(group))
+    for robot in np.unique(of_robot):
+        stretches[robot] = np.ptp(along_m[of_robot == robot])
+    length_a, length_b = (float(robots.length_m[group == g].sum()) for g in (candidate.a, candidate.b))
+    stretch = max(float(stretches[group == g].sum()) for g in (candidate.a, candidate.b))
+    return stretch**2 * PLACE_PAIRS >= length_a * length_b
+
+
+def _doubt(robots: Robots, candidate: Candidate, group: IntArray, places: Places, min_size: int) -> str:
     """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
     size, total = len(candidate), candidate.hypothesis.total
     if size == 1:
@@ -90,7 +103,7 @@ def _doubt(robots: Robots, candidate: Candidate, places: Places, min_size: int) 
     positions = (poses[:, :3, 3] for poses, _ in (places[candidate.a], places[candidate.b]))
     extent_a, extent_b = (float(np.linalg.norm(np.ptp(of_group, axis=0))) for of_group in positions)
     span = _span(candidate)
-    covered = span**2 * PLACE_PAIRS >= extent_a * extent_b
+    covered = span**2 * PLACE_PAIRS >= extent_a * extent_b and _covers(robots, candidate, group)
     if candidate.extent >= 1 or covered or robots.predicted[candidate.rows].any():
         return ""
     return (

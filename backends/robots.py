@@ -20,6 +20,8 @@ class Robots:
         odometry: edges between consecutive nodes.
         loops: all closures `(M,)`.
         predicted: `(M,)` closures that a prediction supports.
+        along_m: `(N,)` way from the robot's first keyframe to each node, by odometry.
+        length_m: `(R,)` of each robot's path, which may go on beyond its last node.
         step_m: median distance between keyframes; nodes may be further apart.
     """
 
@@ -28,6 +30,8 @@ class Robots:
     odometry: Edges
     loops: Edges
     predicted: BoolArray
+    along_m: FloatArray
+    length_m: FloatArray
     step_m: float
 
     @property

@@ -56,7 +56,9 @@ class TeamArrays:
         # Each robot from its first pose: far from the origin, as UTM coordinates are, digits would be lost.
         local = [se3.between(trajectories[name].poses[0], trajectories[name].poses[nodes[name]]) for name in names]
         step_m = float(np.median(np.concatenate([np.zeros(1), *(np.diff(t.distance) for t in trajectories.values())])))
-        robots = Robots(robot, np.concatenate(local), odometry, loops, predicted[rows], step_m)
+        along_m = np.concatenate([trajectories[name].distance[nodes[name]] for name in names])
+        length_m = np.array([np.ptp(trajectories[name].distance) for name in names])
+        robots = Robots(robot, np.concatenate(local), odometry, loops, predicted[rows], along_m, length_m, step_m)
         return cls(robots, tuple(names), nodes, rows)
 
     def poses_of(self, poses: FloatArray) -> dict[str, FloatArray]:

@@ -28,7 +28,7 @@ class Four:
         self.truth = se3.from_yaw(self.rng.uniform(-3, 3, 4 * NODES), self.rng.normal(0, 20, (4 * NODES, 3)))
         poses = se3.between(self.T_world_group[self.robot], self.truth)
         none = Edges.stacked([])
-        self.robots = Robots(self.robot, poses, none, none, np.zeros(0, bool), 1.0)
+        self.robots = Robots(self.robot, poses, none, none, np.zeros(0, bool), np.zeros(4 * NODES), np.zeros(4), 1.0)
         self.settled = Settled(poses, np.zeros((4 * NODES, 6, 100)), np.zeros(0, bool), np.zeros(0), np.zeros(0))
         self.row = 0
 

@@ -40,7 +40,8 @@ def team(ends, *, robots=2, seed=0, shift=(), predicted=()):
     told = np.isin(np.arange(len(ends)), predicted)
     still = np.zeros((len(truth), 6, 100))
     estimate = Settled(poses, still, np.zeros(len(ends), bool), np.full(len(ends), np.nan), np.zeros(0))
-    return Robots(robot, poses, Edges.stacked([]), loops, told, STEP_M), estimate, truth
+    along_m, length_m = np.tile(STEP_M * np.arange(NODES), robots), np.full(robots, STEP_M * (NODES - 1))
+    return Robots(robot, poses, Edges.stacked([]), loops, told, along_m, length_m, STEP_M), estimate, truth
 
 
 def sets(ends, **changes):

@@ -18,8 +18,9 @@ def edges(ends):
 def robots():
     """Three robots of 2, 3 and 1 nodes; the second has a loop of its own."""
     loops = edges([(0, 2), (4, 2), (5, 1)])
-    robot = np.array([0, 0, 1, 1, 1, 2])
-    return Robots(robot, np.tile(np.eye(4), (6, 1, 1)), edges([(0, 1), (2, 3), (3, 4)]), loops, np.zeros(3, bool), 1.0)
+    robot, poses = np.array([0, 0, 1, 1, 1, 2]), np.tile(np.eye(4), (6, 1, 1))
+    along_m, length_m = np.array([0.0, 1.0, 0.0, 1.0, 2.0, 0.0]), np.array([1.0, 2.0, 0.0])
+    return Robots(robot, poses, edges([(0, 1), (2, 3), (3, 4)]), loops, np.zeros(3, bool), along_m, length_m, 1.0)
 
 
 def test_robots_are_counted_and_their_first_nodes_found(robots):
