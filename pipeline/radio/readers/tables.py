@@ -137,6 +137,8 @@ def _line_rows(path: Path, pattern: re.Pattern[str]) -> Iterator[Row]:
     try:
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(file, start=1):
+                if "\0" in line:
+                    raise InputError(f"{path} is no text (line {number} holds zero bytes); expected lines of a log")
                 if line.strip() and not line.lstrip().startswith("#"):
                     yield from _matches(f"line {number}", line, pattern)
     except OSError as error:

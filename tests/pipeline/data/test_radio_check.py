@@ -50,7 +50,7 @@ def test_the_path_of_a_robot_of_a_data_set(
     site: Path, alpha: dict, words: list[str], step_m: float, monkeypatch
 ) -> None:
     monkeypatch.chdir(site)
-    log, found = log_and_trajectories(dataset(site, **alpha), [], words)
+    log, found, _ = log_and_trajectories(dataset(site, **alpha), [], words)
     assert len(log.measurements) == 1
     assert list(found) == ["alpha", "beta"]
     assert np.diff(found["alpha"].positions[:, 0]).tolist() == pytest.approx([step_m, step_m])
@@ -66,7 +66,7 @@ def test_a_robot_without_any_path_is_named_with_the_way_out(site: Path) -> None:
 def test_sources_and_named_trajectories_without_a_data_set(site: Path, monkeypatch) -> None:
     monkeypatch.chdir(site)
     words = ["alpha=alpha_gt.tum", "beta=beta_gt.tum"]
-    log, found = log_and_trajectories([], [RadioSource(path=Path("radio.jsonl"))], words)
+    log, found, _ = log_and_trajectories([], [RadioSource(path=Path("radio.jsonl"))], words)
     assert (len(log.measurements), list(found)) == (1, ["alpha", "beta"])
 
 

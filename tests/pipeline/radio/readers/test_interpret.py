@@ -144,7 +144,11 @@ def test_a_repetition_is_kept_once_and_measurements_are_in_order_of_time() -> No
             {},
             r"1 of 2 rows cannot be read \(line 2: range is 'x'.*which field means what",
         ),
-        ([{**ROW, "range": "3000"}], {}, "lie beyond 1000 m .*if they are millimetres add unit: mm"),
+        (
+            [{**ROW, "range": "3000"}],
+            {},
+            "lie beyond 1000 m .*if they are millimetres or centimetres add unit: mm or unit: cm",
+        ),
         ([{**ROW, "azimuth": "90"}], {}, "they look like degrees: add angle_unit: deg"),
         ([ROW], {"receiver": "gamma"}, "names the robot 'gamma', but there are alpha, beta"),
         ([ROW], {"robots": {7: "gamma"}}, "names the robot 'gamma'"),
