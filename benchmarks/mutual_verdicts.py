@@ -4,7 +4,8 @@
 
 Paths and radio are those of a scenario, odometry drifts as its model says, no scan is registered: closures are made of
 the truth.  *True*: 12 closures between places within 6 m.  *Look-alike*: 25 that agree with each other but put the
-second robot one block (95 m, 75 m) away, among 5 that agree with none.  The radio is asked as where it predicts nothing.
+second robot one block (95 m, 75 m) away, among 5 that agree with none.  The radio is asked as where it predicts
+nothing.
 A row counts verdicts over seeds and sets; `wrong` are true sets that were refused, or false ones that were accepted.
 """
 
