@@ -16,7 +16,8 @@ from scipy.stats import chi2
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, Verdict
 from wiclosure.backends.config import PcmSettings
-from wiclosure.backends.cycles import Cycles, mahalanobis_squared
+from wiclosure.backends.cycles import Cycles
+from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.backends.pair_report import PairConsistency
 from wiclosure.max_clique import max_clique
 from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory

@@ -14,6 +14,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
+from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
 
@@ -97,11 +98,6 @@ class Cycles:
         to_k_a, to_k_b = se3.adjoint(T_k_odom_a), se3.adjoint(T_k_odom_b)
         at_k = _between(to_k_a, in_odom_a, to_k_a.T) + _between(to_k_b, in_odom_b, to_k_b.T)
         return np.asarray(at_k + self.z.covariance[row])
-
-
-def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """`e^T Sigma^-1 e` for stacks `(M, 6)` and `(M, 6, 6)`."""
-    return np.asarray(np.einsum("mi,mi->m", error, np.linalg.solve(covariance, error[..., None])[..., 0]))
 
 
 def _between(left: FloatArray, matrices: FloatArray, right: FloatArray) -> FloatArray:

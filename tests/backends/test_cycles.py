@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
-from wiclosure.backends.cycles import Cycles, mahalanobis_squared
+from wiclosure.backends.cycles import Cycles
+from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.drift import DriftModel
 from wiclosure.types import Trajectory
 
