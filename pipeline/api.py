@@ -78,7 +78,7 @@ def run(
     shown = BarProgress() if progress else NoProgress()
     kept = StageCache(default_cache_folder() if cache else None)
     prepared = stages.prepare(inputs, resolved, cache=kept, jobs=jobs, progress=shown)
-    return stages.run(prepared, chosen, progress=shown)
+    return stages.run_stages(prepared, chosen, progress=shown)
 
 
 def _config(given: Config | Mapping[str, Any] | PathLike | None) -> Config:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, Reading, Result, Working, grouped
+from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, RecordingOptions, Result, Working, grouped
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.outcomes import Comparison
@@ -39,7 +39,7 @@ def compare_command(
     ] = 1,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
 ) -> None:
     """Run the same recordings with different filters and presets, over shared odometry and registrations (A/B).
@@ -78,7 +78,7 @@ def demo(
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
         settings = Configuration(config="small-site", seed=seed)
-        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=Reading())
+        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=RecordingOptions())
         compared = _compared(plan, scratch, working)
     _show(compared, folder, working)
 
@@ -90,7 +90,7 @@ def make_plan(
     seeds: int = 1,
     *,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
 ) -> Plan:
     """What these words ask to compare, checked before any work.
 

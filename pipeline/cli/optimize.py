@@ -47,11 +47,11 @@ def optimize(
     from wiclosure.pipeline.report.html import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
     from wiclosure.pipeline.stages.merged_folder import summary, write_merged
-    from wiclosure.pipeline.stages.optimising import merge
+    from wiclosure.pipeline.stages.optimising import merge_graphs
 
     settings = resolve(config, set_)
     with result_folder(result, list(map(str, graphs))) as (folder, scratch):
-        merged = merge(graphs, settings)
+        merged = merge_graphs(graphs, settings)
         write_merged(scratch, merged)
         write_optimisation_report(scratch, merged, settings)
     if as_json:

@@ -106,7 +106,7 @@ class Configuration:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RecordingOptions:
     """How recordings are read."""
 
     topic: Annotated[

@@ -21,7 +21,7 @@ from wiclosure.pipeline.cli.options import (
     FilterName,
     Overwrite,
     Quiet,
-    Reading,
+    RecordingOptions,
     Result,
     Set,
     Working,
@@ -40,7 +40,7 @@ def run(
     filter_name: FilterName = None,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
     visualise: Annotated[
         bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")
@@ -70,7 +70,7 @@ def run(
         inputs = reading.inputs(data)
         chosen = running.candidate_filter(config.use_filter, inputs, config)
         prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        found = running.run(prepared, chosen, progress=working.progress)
+        found = running.run_stages(prepared, chosen, progress=working.progress)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
         html.write_run_report(scratch, found)

@@ -34,7 +34,7 @@ def summary_of(comparison: Comparison) -> dict[str, Any]:
     arms = summaries(comparison)
     return {
         "of": _title(comparison),
-        "verdict": verdict(comparison, arms),
+        "verdict": comparison_verdict(comparison, arms),
         "tables": _tables(comparison, arms),
         "look_at": _arm_name(comparison, next(iter(comparison.plan.configs)), _judged(comparison)),
     }
@@ -49,7 +49,7 @@ def _arm_name(comparison: Comparison, preset: str, name: str) -> str:
     return f"{preset} {name}" if len(comparison.plan.configs) > 1 else name
 
 
-def verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
+def comparison_verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
     """What a filter was worth: of the filter `wiclosure`, or else of the last, with the first preset."""
     presets, filters, name = list(comparison.plan.configs), comparison.plan.filters, _judged(comparison)
     own = {(arm.preset, arm.filter): arm for arm in arms}

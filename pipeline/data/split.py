@@ -29,7 +29,7 @@ from wiclosure.types import IntArray, Trajectory, WirelessLog
 
 logger = logging.getLogger(__name__)
 
-NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa")
+ROBOT_NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa")
 SPLIT_FILE = "split.json"
 
 HeardBy = Callable[[Dataset], WirelessLog]
@@ -126,7 +126,7 @@ def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[s
     for number in range(robots):
         first = round(number * length * (1 - overlap))
         last = min(max(round(number * length * (1 - overlap) + length), first + 1), count) - 1
-        name = NAMES[number] if number < len(NAMES) else f"robot_{number}"
+        name = ROBOT_NAMES[number] if number < len(ROBOT_NAMES) else f"robot_{number}"
         parts[name] = DrivePart(first, last, int(stamps_ns[0] - stamps_ns[first]))
     return parts
 

@@ -13,7 +13,7 @@ from wiclosure.formats.radio_units import AngleUnit, AzimuthZero, ElevationZero,
 from wiclosure.settings import Settings
 from wiclosure.types import AoaFrame
 
-Kind: TypeAlias = Literal["jsonl", "table", "lines", "topics", "wsr", "pyfg"]
+RadioKind: TypeAlias = Literal["jsonl", "table", "lines", "topics", "wsr", "pyfg"]
 
 
 def _text(value: object) -> object:
@@ -27,7 +27,7 @@ def _texts(value: object) -> object:
 
 Name: TypeAlias = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
 Names: TypeAlias = Annotated[tuple[Name, ...], BeforeValidator(lambda v: (v,) if isinstance(v, str | int) else v)]
-Arm: TypeAlias = tuple[float, float, float]
+LeverArm: TypeAlias = tuple[float, float, float]
 
 
 class RadioSource(Settings):
@@ -40,7 +40,7 @@ class RadioSource(Settings):
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
     path: Path | None = Field(None, description="file, or bag; without it `topic` is read from each robot's own bag")
-    kind: Kind | None = Field(
+    kind: RadioKind | None = Field(
         None, description="jsonl, table, lines, topics, wsr or pyfg; told from the file where it is not given"
     )
     preset: str | None = Field(
@@ -104,7 +104,7 @@ class RadioSource(Settings):
     aoa_frame: AoaFrame = Field(
         "body", description="axes of the bearings: body (receiver's, at the stamp), odometry or world"
     )
-    lever_arms: Annotated[dict[str, Arm], BeforeValidator(_texts)] = Field(
+    lever_arms: Annotated[dict[str, LeverArm], BeforeValidator(_texts)] = Field(
         {}, description="antenna of each id in its robot's body frame, `[x, y, z]` in metres"
     )
     stamps: Annotated[dict[str, float], BeforeValidator(_texts)] = Field(

@@ -100,7 +100,7 @@ class Bag:
                 yield stamp_ns, message
 
 
-def counted(found: Iterable[tuple[FoundTopic, int]]) -> dict[str, BagTopic]:
+def counted_topics(found: Iterable[tuple[FoundTopic, int]]) -> dict[str, BagTopic]:
     """Topics by name, from all descriptions of them; of two that differ, the one with more messages is read."""
     counts: dict[FoundTopic, int] = {}
     kinds: dict[tuple[str, str, str], FoundTopic] = {}
@@ -120,6 +120,6 @@ def same_topic(one: FoundTopic, other: FoundTopic) -> bool:
     return (one.name, one.msgtype, one.encoding) == (other.name, other.msgtype, other.encoding)
 
 
-def unpacked(raw: bytes) -> bytes:
+def decompressed(raw: bytes) -> bytes:
     """A message without its compression; a serialised message never starts with these bytes."""
-    return zstd.decompress(raw) if raw[:4] == zstd.MAGIC else raw
+    return zstd.decompress(raw) if raw[:4] == zstd.ZSTD_MAGIC else raw

@@ -20,7 +20,7 @@ from wiclosure.pipeline.sources.salvage import zstd
 logger = logging.getLogger(__name__)
 
 KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
-_MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
+_MAGIC = {salvage_ros1.ROS1_MAGIC: "ros1", salvage_mcap.MCAP_MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
 _SUFFIXES = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
 METADATA = "metadata.yaml"
 

@@ -21,7 +21,7 @@ from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
-from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
+from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.solve import Solution, solve
 from wiclosure.types import KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
@@ -75,7 +75,7 @@ class Prepared:
     config: Config
     fronts: dict[str, FrontEndResult]
     from_cache: tuple[str, ...]
-    known: Known = field(default_factory=dict)
+    known: KnownRegistrations = field(default_factory=dict)
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
@@ -111,7 +111,7 @@ def prepare(
     return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
 
 
-def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
+def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
     """Filters, matches, registers, optimises, maps and evaluates."""
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}

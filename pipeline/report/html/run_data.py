@@ -17,7 +17,7 @@ from wiclosure.pipeline.report.html.closures_data import closure_rows, scans_of_
 from wiclosure.pipeline.report.html.radio_data import Tracks, radio_pair
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map_entry, robot_entry
 from wiclosure.pipeline.report.html.tables_data import figure_tables
-from wiclosure.pipeline.report.html.verdict import headline_numbers, verdict
+from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
 from wiclosure.pipeline.report.html.versions import versions
 from wiclosure.pipeline.stages.run import RunResult
 from wiclosure.types import FloatArray, FrameAlignment
@@ -32,7 +32,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
     alignments = solution.filtered.alignments
     return {
         "name": solution.filtered.filter_name,
-        "verdict": verdict(metrics, next_steps(result)),
+        "verdict": run_verdict(metrics, next_steps(result)),
         "numbers": headline_numbers(metrics),
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),

@@ -31,7 +31,7 @@ class FoundMessage(NamedTuple):
     data: bytes
 
 
-Wanted: TypeAlias = Callable[[FoundTopic], bool]
+TopicChoice: TypeAlias = Callable[[FoundTopic], bool]
 """Whether the data of a topic's messages are wanted."""
 
 
