@@ -19,7 +19,7 @@ from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages import run as stages
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import WirelessLog
 
 PathLike: TypeAlias = str | Path

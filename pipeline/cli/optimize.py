@@ -44,7 +44,7 @@ def optimize(
 
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.config import resolve
-    from wiclosure.pipeline.report.html import write_optimisation_report
+    from wiclosure.pipeline.report.html.report import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
     from wiclosure.pipeline.stages.merged_folder import summary, write_merged
     from wiclosure.pipeline.stages.optimising import merge_graphs

@@ -59,7 +59,8 @@ def run(
     from rich.console import Console
 
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.report import html, illustrations, tables
+    from wiclosure.pipeline.report import illustrations, tables
+    from wiclosure.pipeline.report.html.report import write_run_report
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
@@ -73,7 +74,7 @@ def run(
         found = running.run_stages(prepared, chosen, progress=working.progress)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
-        html.write_run_report(scratch, found)
+        write_run_report(scratch, found)
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:
@@ -104,7 +105,7 @@ class FilterFiles:
         """Writes the page, where there are pictures."""
         if self.plot is None:
             return None
-        from wiclosure.pipeline.report.html import write_filter_report
+        from wiclosure.pipeline.report.html.report import write_filter_report
 
         return write_filter_report
 

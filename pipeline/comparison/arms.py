@@ -14,7 +14,7 @@ from pathlib import Path
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan, World
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.report.html import write_run_report
+from wiclosure.pipeline.report.html.report import write_run_report
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress

@@ -11,7 +11,7 @@ from wiclosure.pipeline.comparison.figures import FIGURES, ArmSummary, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.comparison.statistics import Spread
 from wiclosure.pipeline.comparison.tables import against_rows, arm_rows
-from wiclosure.pipeline.report.html import Arm, write_comparison_report
+from wiclosure.pipeline.report.html.report import Arm, write_comparison_report
 
 
 def write_comparison_page(folder: Path, comparison: Comparison) -> None:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import Encoding
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore
+from wiclosure.pipeline.sources.messages.ros_types import Encoding, deserialize, recorded_typestore
 from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 

@@ -8,7 +8,7 @@ from itertools import product
 
 from wiclosure.pipeline.report.html.closures_data import reason_kind
 from wiclosure.pipeline.report.html.verdict import counted_noun
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, FrameAlignment, Stage
 
 MOST_STEPS = 6

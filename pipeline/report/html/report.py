@@ -16,7 +16,7 @@ from wiclosure.pipeline.report.html.run_data import run_data
 from wiclosure.pipeline.report.html.scene_data import fewer_points
 from wiclosure.pipeline.report.html.tables_data import arms_table
 from wiclosure.pipeline.stages.optimising import MergedGraphs
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 
 COMPARED_POINTS = 500_000

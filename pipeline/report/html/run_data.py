@@ -19,7 +19,7 @@ from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map
 from wiclosure.pipeline.report.html.tables_data import figure_tables
 from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
 from wiclosure.pipeline.report.html.versions import versions
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import FloatArray, FrameAlignment
 
 
@@ -66,7 +66,8 @@ def run_data(result: RunResult) -> dict[str, Any]:
 def _truth_check(result: RunResult) -> TruthCheck:
     settings = result.config.evaluation
     truth = in_lidar_axes(result.merged, result.inputs.ground_truth, settings.ground_truth_gap_s)
-    return settings.truth_check({robot: front.keyframes for robot, front in result.fronts.items()}, truth)
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    return TruthCheck.of(settings, keyframes, truth.oriented)
 
 
 def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:

@@ -10,13 +10,19 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, TopicChoice, everything
+from wiclosure.pipeline.sources.salvage.found import (
+    MCAP_MAGIC,
+    Damage,
+    FoundMessage,
+    FoundTopic,
+    TopicChoice,
+    everything,
+)
 from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
 _MESSAGE_HEAD = 22  # bytes before a message's data: channel, sequence, two times
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise

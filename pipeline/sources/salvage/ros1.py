@@ -9,9 +9,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, TopicChoice, everything
+from wiclosure.pipeline.sources.salvage.found import (
+    ROS1_MAGIC,
+    Damage,
+    FoundMessage,
+    FoundTopic,
+    TopicChoice,
+    everything,
+)
 
-ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _HEAD, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 

@@ -18,7 +18,8 @@ from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario
 from wiclosure.pipeline.data.scenario_writer import RECORDERS, write_scenario
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation import Scenario, make_scenario
 from wiclosure.simulation.motion import MotionSettings, drive
 

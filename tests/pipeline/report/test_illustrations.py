@@ -17,7 +17,8 @@ from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run, merged_view
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Scan, Trajectory
 
 STAMPS_NS = 10**9 + np.arange(3) * 10**8

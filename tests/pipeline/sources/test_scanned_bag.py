@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.scanned_bag import damaged, scanned_bag, survey_bag
 from wiclosure.types import Scan
 

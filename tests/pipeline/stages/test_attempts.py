@@ -13,7 +13,8 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import Prepared, RunResult, candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Scan, Stage, Trajectory, WirelessMeasurement
 

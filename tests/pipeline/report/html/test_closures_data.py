@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.report.html.closures_data import (
     CLOUD_POINTS,
     closure_rows,
@@ -11,7 +13,7 @@ from wiclosure.pipeline.report.html.closures_data import (
 )
 from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.scene_data import Placement
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, KeyframeId, Stage, Trajectory
 
 
@@ -44,10 +46,9 @@ def test_every_rejected_closure_has_its_reason_at_its_stage(lost_run: RunResult)
 
 def test_true_and_false_where_there_is_a_measured_pose(lost_run: RunResult) -> None:
     truth = lost_run.config.evaluation
-    from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
-
     keyframes = {robot: front.keyframes for robot, front in lost_run.fronts.items()}
-    truth_check = truth.truth_check(keyframes, in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0))
+    oriented = in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0).oriented
+    truth_check = TruthCheck.of(truth, keyframes, oriented)
     placement = Placement.of(lost_run.solution.graph.components, lost_run.merged)
     rows = closure_rows(lost_run.solution.closures, lost_run.solution.graph.trajectories, placement, truth_check)
     for row, closure in zip(rows, lost_run.solution.closures, strict=True):

@@ -10,7 +10,7 @@ from wiclosure.pipeline.report.html import write_filter_report
 from wiclosure.pipeline.report.html.filter_data import filter_data
 from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.page import read_page
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def test_paths_lie_as_certain_alignments_say(lost_run: RunResult) -> None:

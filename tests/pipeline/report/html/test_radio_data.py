@@ -8,7 +8,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.radio_data import MEASUREMENTS, Tracks, alternatives, radio_pair
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import AlignmentHypothesis, AoaPath, FrameAlignment, Trajectory, WirelessLog, WirelessMeasurement
 
 SECOND_NS = 10**9

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from wiclosure.pipeline.report.html.tables_data import arms_table, figure_tables
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def metrics_of(ate_m: float | None, closing_s: float, false: int, sent: int | None = 2_000_000) -> dict:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def metrics_of(groups: list[list[str]], accepted: int, *, false: int | None = 0, ate_m: float | None = None) -> dict:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.sources.salvage.found import Damage
-from wiclosure.pipeline.sources.salvage.mcap import MCAP_MAGIC, scan_mcap
+from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, Damage
+from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
 
 from ..mcap_bytes import Topic, mcap_bytes, record  # noqa: TID252  -- test folders are no packages
 

@@ -7,8 +7,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag
-from wiclosure.pipeline.sources.salvage.found import Damage
-from wiclosure.pipeline.sources.salvage.ros1 import ROS1_MAGIC, scan_ros1
+from wiclosure.pipeline.sources.salvage.found import ROS1_MAGIC, Damage
+from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
 
 
 def found(path: Path) -> tuple[list[int], list[str]]:
