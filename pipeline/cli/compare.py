@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,25 +19,32 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.plan import Plan
 
 
-@grouped
-def compare_command(
-    data: Data,
-    *,
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """What is compared."""
+
     filters: Annotated[
         str, typer.Option("--filters", help="comma-separated names; the others are compared with the first")
-    ] = ("none,wiclosure"),
+    ] = "none,wiclosure"
     presets: Annotated[
         str | None,
         typer.Option(
             "--presets", help="comma-separated presets or YAML files, each laid over --config", show_default=False
         ),
-    ] = None,
+    ] = None
     seeds: Annotated[
         int,
         typer.Option(
             "--seeds", min=1, help="number of worlds of a scenario, or of draws of the random filter over recordings"
         ),
-    ] = 1,
+    ] = 1
+
+
+@grouped
+def compare_command(
+    data: Data,
+    *,
+    arms: Arms,
     result: Result,
     configuration: Configuration,
     reading: RecordingOptions,
@@ -54,7 +62,7 @@ def compare_command(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
 
-    plan = make_plan(data, filters, presets, seeds, configuration=configuration, reading=reading)
+    plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
     with result_folder(result, data) as (folder, scratch):
         compared = _compared(plan, scratch, working)
     _show(compared, folder, working)
