@@ -1,4 +1,4 @@
-"""Composes the rooms: sources, runs, comparisons, evaluation, and the command line."""
+"""Composes the packages: sources, runs, comparisons, evaluation, and the command line."""
 
 from typing import TYPE_CHECKING
 
