@@ -48,6 +48,16 @@ def test_settings_and_presets_that_pages_name_exist() -> None:
             load_config(preset)
 
 
+def test_settings_that_pages_speak_of_exist() -> None:
+    """`section.key`, alone or with a value, wherever it stands in code."""
+    rows = set(re.findall(r"^\| `([\w.]+)` \|", text_of(DOCS / "settings.md"), re.MULTILINE))
+    sections = {row.rpartition(".")[0] for row in rows} - {""}
+    tops = "|".join(Config.model_fields)
+    for page in (*DOCS.glob("*.md"), REPOSITORY / "README.md"):
+        for name in re.findall(rf"`((?:{tops})\.[a-z_.]+[a-z])(?:[:=][^`]*)?`", text_of(page)):
+            assert name in rows | sections or name.endswith((".ply", ".pcd", ".png")), page.name
+
+
 def test_every_public_name_is_in_the_api() -> None:
     text = text_of(DOCS / "api.md")
     listed = set(re.findall(r":: wiclosure\.(\w+)$", text, re.MULTILINE)) | set(vars(errors))
