@@ -67,7 +67,8 @@ def _readme() -> Scope:
 def _plug_in() -> Scope:
     """The arrays of the example that the page shows a part of."""
     example = runpy.run_path(str(REPOSITORY / "examples" / "plug_in.py"))
-    return {name: example[name] for name in ("stamps_ns", "odometry", "measurements")} | {"rows": np.arange(3)}
+    given = {name: example[name] for name in ("stamps_ns", "odometry", "measurements")}
+    return given | {"rows": np.arange(3), "EXAMPLE": str(REPOSITORY / "examples" / "swarm_slam.py")}
 
 
 def _back_end() -> Scope:
@@ -147,7 +148,27 @@ def test_the_readme(scope_of: Callable[[Path], Scope]) -> None:
 
 
 def test_the_filter_in_front_of_another_pipeline(scope_of: Callable[[Path], Scope]) -> None:
-    assert scope_of(named("plug_in.md"))["T_a_b"].shape == (3, 4, 4)
+    scope = scope_of(named("plug_in.md"))
+    assert scope["T_a_b"].shape == (3, 4, 4)
+    assert scope["T_0_1"].shape == (4, 4)
+
+
+def test_the_page_shows_what_the_example_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(REPOSITORY / "examples" / "swarm_slam.py"))
+    assert f"```text\n{capsys.readouterr().out}```" in text_of(named("plug_in.md"))
+
+
+def test_predictions_of_the_example_are_right_whichever_robot_stands_first() -> None:
+    example = runpy.run_path(str(REPOSITORY / "examples" / "swarm_slam.py"))
+    world, allowed = example["world"], example["allowed"]
+    turned = [
+        type(e)(e.robot1_id, e.robot1_image_id, e.robot0_id, e.robot0_image_id, e.weight) for e in example["edges"]
+    ]
+    found = allowed(turned, example["result"], example["NAMES"])
+    assert len(found) == len(example["with_radio"])
+    for edge, T_0_1 in found:
+        true = se3.between(world[edge.robot0_id][edge.robot0_image_id], world[edge.robot1_id][edge.robot1_image_id])
+        assert np.linalg.norm((T_0_1 - true)[:2, 3]) < 4.0
 
 
 def test_the_back_end(scope_of: Callable[[Path], Scope]) -> None:

@@ -55,7 +55,7 @@ def test_settings_that_pages_speak_of_exist() -> None:
     tops = "|".join(Config.model_fields)
     for page in (*DOCS.glob("*.md"), REPOSITORY / "README.md"):
         for name in re.findall(rf"`((?:{tops})\.[a-z_.]+[a-z])(?:[:=][^`]*)?`", text_of(page)):
-            assert name in rows | sections or name.endswith((".ply", ".pcd", ".png")), page.name
+            assert name in rows | sections or name.endswith((".ply", ".pcd", ".png", ".py")), f"{page.name}: {name}"
 
 
 def test_every_public_name_is_in_the_api() -> None:
