@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -91,13 +92,27 @@ def _kind(path: Path, source: RadioSource) -> RadioKind:
         raise InputError(f"wireless log {path} is a folder and no bag; name a file")
     if source.pattern is not None:
         return "lines"
+    head = _head(path)
+    if head.lstrip().startswith(b"["):
+        raise InputError(f"{path} is an array of JSON; write one object a line (jq -c '.[]' does)")
+    if head.lstrip().startswith(b"{"):
+        first = head.lstrip().splitlines()[0]
+        if _is_foreign(first):
+            return "table"
+        return "jsonl" if b'"type"' in first or path.suffix.lower() != ".json" else "wsr"
     if path.suffix.lower() == ".jsonl":
         return "jsonl"
-    head = _head(path)
-    if head.lstrip().startswith(b"{"):
-        return "jsonl" if b'"type"' in head.splitlines()[0] or path.suffix.lower() != ".json" else "wsr"
     words = head.split(maxsplit=1)
     return "pyfg" if words and words[0].decode("latin-1") in WORDS else "table"
+
+
+def _is_foreign(line: bytes) -> bool:
+    """Whether a line is a JSON object of another program than ours."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and found.get("type") not in {"wireless", "heading"} and "stamp" not in found
 
 
 def _head(path: Path) -> bytes:
@@ -116,10 +131,11 @@ def _json_lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bo
 
 
 def _table(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
-    if source.preset is None and not source.range_ and (preset := preset_of_header(opened(path, source).columns)):
+    table = opened(path, source)
+    if source.preset is None and not source.range_ and (preset := preset_of_header(table.columns)):
         logger.info("%s: its columns are those of the preset %s", path, preset.name)
         source = _with_preset(source.model_copy(update={"preset": preset.name}))
-    rows, complete = table_rows(path, source)
+    rows, complete = table_rows(table, source)
     return RadioReading(*_interpreted(rows, complete, known), "table")
 
 

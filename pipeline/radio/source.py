@@ -57,11 +57,12 @@ class RadioSource(Settings):
     delimiter: str | None = Field(None, description="between the cells of a table; found where it is not given")
 
     stamp: Names = Field(
-        (), description="field of the time, or two of seconds and nanoseconds; `received`: when the bag got the message"
+        (),
+        description="field of the time, or two: seconds and nanoseconds, date and time; `received`: when the bag got the message",
     )
     stamp_unit: TimeUnit = Field(
         "auto",
-        description="s, ms, us or ns; auto: by the size of times since 1970, else seconds; dates read as ISO 8601",
+        description="s, ms, us, ns, 100us, 10us or 100ns; auto: by the size of times since 1970, else s; dates as ISO 8601",
     )
     time_offset: float = Field(
         0.0, description="seconds that are added to the log's stamps, before those of the robots"
@@ -76,7 +77,7 @@ class RadioSource(Settings):
     anchors: Names = Field((), description="ids that are known to be no robots; left out without a warning")
 
     range_: Names = Field((), alias="range", description="field of the range, or several; may be a family of columns")
-    unit: LengthUnit = Field("m", description="of ranges, their sigma and positions: m, mm, cm, dm, km or ft")
+    unit: LengthUnit = Field("m", description="of ranges, their sigma and positions: m, mm, cm, dm, km, ft or in")
     range_sigma: float | Name | None = Field(
         None, description="standard deviation of the ranges: metres, or a field in `unit`; 0.5 m where nothing says so"
     )

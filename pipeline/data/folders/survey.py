@@ -148,7 +148,7 @@ def _table(path: Path, table: TextTable) -> Found:
     rows = [cells for _, (_, cells) in zip(range(_FEW_ROWS), table.rows(), strict=False)]
     if (len(table.columns) == 8 and _are_poses(rows)) or trajectory_kind(path) == "euroc":
         return _trajectory(path)
-    known = guess(table.columns) if table.has_header else {}
+    known = guess(table.columns, table.units) if table.has_header else {}
     if preset := preset_of_header(table.columns):
         return Found(path, "radio", f"table as of preset {preset.name}")
     if "stamp" in known and known.keys() & {"range", "azimuth"}:

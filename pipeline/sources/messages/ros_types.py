@@ -80,7 +80,8 @@ def recorded_typestore(encoding: Encoding, msgtype: str, definition: MessageDefi
 
 def deserialize(store: Typestore, encoding: Encoding, raw: bytes, msgtype: str) -> object:
     """The message in `raw`."""
-    return store.deserialize_ros1(raw, msgtype) if encoding == "ros1" else store.deserialize_cdr(raw, msgtype)
+    view = memoryview(raw)  # parts of which are no copies
+    return store.deserialize_ros1(view, msgtype) if encoding == "ros1" else store.deserialize_cdr(view, msgtype)
 
 
 def serialize(store: Typestore, encoding: Encoding, message: object, msgtype: str) -> memoryview:
