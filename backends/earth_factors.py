@@ -20,6 +20,7 @@ from wiclosure.types import EarthMeasurements, FloatArray, PositionFixes, UpDire
 UP = gtsam.Unit3(0.0, 0.0, 1.0)
 FEWEST_FIXES = 3
 HEADING_RAD = np.radians(10.0)  # what the fixes must tell of the world's heading to be its frame
+OUTVOTED = 0.5  # of a weight: below, the estimate speaks against a measurement
 ROUNDS = 20  # of reweighting
 
 

@@ -52,6 +52,42 @@ class UpDirections:
 
 
 @dataclass(frozen=True, eq=False)
+class GnssLog:
+    """Positions on the Earth as a receiver gave them.
+
+    Args:
+        stamps_ns: `(N,)` int64, strictly increasing.
+        geodetic: `(N, 3)` latitude and longitude in degrees, height over the ellipsoid in metres.
+        sigma_enu: `(N, 3)` standard deviations east, north and up, m.
+
+    Raises:
+        InputError: shapes that do not belong together, or no position on the Earth.
+    """
+
+    stamps_ns: IntArray
+    geodetic: FloatArray
+    sigma_enu: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.stamps_ns)
+        if self.geodetic.shape != (count, 3) or self.sigma_enu.shape != (count, 3):
+            raise InputError(
+                f"GNSS: {count} stamps, positions of shape {self.geodetic.shape}, sigmas of shape"
+                f" {self.sigma_enu.shape}; expected (N, 3)"
+            )
+        off = (np.abs(self.geodetic[:, 0]) > 90.0) | (np.abs(self.geodetic[:, 1]) > 360.0)
+        if off.any():
+            row = int(np.argmax(off))
+            raise InputError(
+                f"GNSS: fix {row} is at latitude {self.geodetic[row, 0]}, longitude {self.geodetic[row, 1]}; expected"
+                " degrees, latitude first"
+            )
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+
+@dataclass(frozen=True, eq=False)
 class PositionFixes:
     """Positions of one robot's antenna on the Earth.
 

@@ -8,7 +8,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs, RelativePosePredictor, robot_pairs
 from wiclosure.closure import Closure, KeyframeId, Stage, measured_poses, survivors
-from wiclosure.earth import EarthMeasurements, PositionFixes, UpDirections
+from wiclosure.earth import EarthMeasurements, GnssLog, PositionFixes, UpDirections
 from wiclosure.evidence import (
     Measured,
     Prediction,
@@ -47,6 +47,7 @@ __all__ = [
     "Float32Array",
     "FloatArray",
     "FrameAlignment",
+    "GnssLog",
     "Heading",
     "ImuLog",
     "IntArray",
