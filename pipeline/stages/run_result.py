@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.merged_map import MergedMap
@@ -11,6 +11,7 @@ from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics
+from wiclosure.pipeline.stages.earth import Grounding
 from wiclosure.types import Closure, FilterResult, Trajectory
 
 
@@ -51,6 +52,7 @@ class RunResult:
         merged: pose of every scan at its own stamp by robot, in the world of its component.
         merged_map: the keyframes' clouds of the first robot's component in one frame.
         metrics: all figures.
+        grounding: what is known of the Earth; `fronts` are its own.
     """
 
     config: Config
@@ -60,6 +62,7 @@ class RunResult:
     merged: dict[str, Trajectory]
     merged_map: MergedMap
     metrics: Metrics
+    grounding: Grounding = field(default_factory=Grounding)
 
     def __repr__(self) -> str:
         name = self.solution.filtered.filter_name

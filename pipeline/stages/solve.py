@@ -20,7 +20,7 @@ from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.run_result import Solution
-from wiclosure.types import Closure, FilterResult, KeyframeId, Stage, WirelessLog, survivors
+from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)
 
@@ -36,6 +36,7 @@ def solve(
     *,
     registrations: RegistrationPool,
     progress: Progress,
+    earth: EarthMeasurements | None = None,
 ) -> Solution:
     """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
@@ -45,7 +46,7 @@ def solve(
     with took.time("optimisation"):
         consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
         settings = config.pose_graph.scaled(consistent.scale)
-        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links)
+        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links, earth)
 
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     filtered = attempt.filtered
