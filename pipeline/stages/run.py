@@ -23,6 +23,7 @@ from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
 from wiclosure.pipeline.stages.solve import Solution, solve
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -99,6 +100,7 @@ def prepare(
     jobs: int,
     progress: Progress,
     also: Sequence[Config] = (),
+    viewer: Viewer | None = None,
 ) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
 
@@ -107,18 +109,23 @@ def prepare(
     """
     for each in (config, *also):
         Registration(each.registration)
-    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
+    fronts, from_cache = front_ends(
+        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer
+    )
     return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
 
 
-def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
-    """Filters, matches, registers, optimises, maps and evaluates."""
-    inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
+def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress, viewer: Viewer | None = None) -> RunResult:
+    """Filters, matches, registers, optimises, maps and evaluates; a viewer sees every stage."""
+    inputs, config, fronts, seen = prepared.inputs, prepared.config, prepared.fronts, viewer or NoViewer()
+    seen.fronts(fronts)
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
     registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
-    solution = solve(fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress)
+    solution = solve(
+        fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress, viewer=seen
+    )
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
@@ -145,7 +152,9 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
     )
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
-    return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+    result = RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+    seen.result(result)
+    return result
 
 
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
