@@ -59,16 +59,16 @@ def _pairs_within(position_a: FloatArray, position_b: FloatArray, radius_m: floa
     return int(cKDTree(position_a).count_neighbors(cKDTree(position_b), radius_m))
 
 
-def closure_metrics(closures: Sequence[Closure], judge: ClosureJudge) -> ClosureMetrics:
+def closure_metrics(closures: Sequence[Closure], truth_check: TruthCheck) -> ClosureMetrics:
     """How far the closures of a run came, and which of them are true.
 
     Args:
         closures: every proposed closure with its final decision.
-        judge: tells true from false.
+        truth_check: tells true from false.
     """
     verified, accepted = (survivors(closures, stage) for stage in (Stage.RADIO_CHECK, Stage.ESTIMATE))
-    verified_true, verified_false = judge.count(verified)
-    accepted_true, accepted_false = judge.count(accepted)
+    verified_true, verified_false = truth_check.count(verified)
+    accepted_true, accepted_false = truth_check.count(accepted)
     return {
         "proposed": len(closures),
         "verified": len(verified),
@@ -81,7 +81,7 @@ def closure_metrics(closures: Sequence[Closure], judge: ClosureJudge) -> Closure
 
 
 @dataclass(frozen=True, eq=False)
-class ClosureJudge:
+class TruthCheck:
     """Tells by ground truth which closures are true.
 
     Args:

@@ -55,7 +55,7 @@ def evaluate(
     """
     gap_s = settings.ground_truth_gap_s
     oriented = in_lidar_axes(found.merged, truth, gap_s)
-    judge = settings.judge(found.keyframes, oriented)
+    truth_check = settings.truth_check(found.keyframes, oriented)
     candidates, registrable = (
         candidate_metrics(found.filtered.pairs, found.keyframes, truth, radius_m=radius_m, gap_s=gap_s)
         for radius_m in (settings.overlap_radius_m, settings.registrable_radius_m)
@@ -74,8 +74,8 @@ def evaluate(
         "pairs_kept": found.filtered.pairs_kept,
         "candidates": candidates,
         "candidates_registrable": registrable,
-        "closures": closure_metrics(found.closures, judge),
-        "funnel": funnel(candidates, found.filtered, found.closures, truth, judge),
+        "closures": closure_metrics(found.closures, truth_check),
+        "funnel": funnel(candidates, found.filtered, found.closures, truth, truth_check),
         "radio": radio_metrics(found.filtered),
         "starts": start_metrics(found.merged, found.components),
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pydantic import Field
 
 from wiclosure.pipeline.evaluation.body_axes import OrientedTruth
-from wiclosure.pipeline.evaluation.closures import ClosureJudge
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.settings import Settings
 from wiclosure.types import Trajectory
 
@@ -35,8 +35,8 @@ class EvaluationSettings(Settings):
     )
     rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
 
-    def judge(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> ClosureJudge:
+    def truth_check(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> TruthCheck:
         """Tells which closures between these keyframes are true."""
-        return ClosureJudge(
+        return TruthCheck(
             keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
         )

@@ -69,10 +69,10 @@ def merged_view(result: RunResult) -> MergedView:
         )
         T_shown_world = rigid_alignment(estimate, true)
     accepted = [c for c in graph.accepted if c.query.robot in connected]
-    judge = result.config.evaluation.judge(
+    truth_check = result.config.evaluation.truth_check(
         {robot: front.keyframes for robot, front in result.fronts.items()}, in_lidar_axes(result.merged, truth, gap_s)
     )
-    right, known = judge.right(accepted)
+    right, known = truth_check.right(accepted)
     ends = [[graph.trajectories[k.robot].positions[k.index] for k in (c.query, c.match)] for c in accepted]
     return MergedView(
         odometry={robot: front.odometry.positions[:, :2] for robot, front in result.fronts.items()},

@@ -67,7 +67,7 @@ def solve(
     """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
     attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress, viewer)
-    attempt, judged = attempts.settled(wireless)
+    attempt, checks = attempts.settled(wireless)
     took = Stopwatch()
     with took.time("optimisation"):
         consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
@@ -86,7 +86,7 @@ def solve(
         bytes_exchanged=_bytes_exchanged(filtered, graph.closures, fronts),
         diagnosis=(
             *filtered.diagnosis,
-            *(one.sentence for one in judged if one.sentence),
+            *(one.sentence for one in checks if one.sentence),
             *_nothing_left(filtered, attempt.matched, graph.closures),
             *consistent.diagnosis,
             *graph.diagnosis,

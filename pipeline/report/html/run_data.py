@@ -9,7 +9,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
-from wiclosure.pipeline.evaluation.closures import ClosureJudge
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
 from wiclosure.pipeline.report.html.advice import next_steps
 from wiclosure.pipeline.report.html.candidates_data import Overlap, candidate_matrices
@@ -37,7 +37,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),
         "map_note": _map_note(result),
-        "closures": closure_rows(solution.closures, solution.graph.trajectories, placement, _judge(result)),
+        "closures": closure_rows(solution.closures, solution.graph.trajectories, placement, _truth_check(result)),
         "clouds": scans_of_closures(solution.closures, {robot: f.clouds for robot, f in result.fronts.items()}),
         "funnel": stages_with_reasons(metrics["funnel"], solution.closures),
         "matrices": candidate_matrices(
@@ -63,10 +63,10 @@ def run_data(result: RunResult) -> dict[str, Any]:
     }
 
 
-def _judge(result: RunResult) -> ClosureJudge:
+def _truth_check(result: RunResult) -> TruthCheck:
     settings = result.config.evaluation
     truth = in_lidar_axes(result.merged, result.inputs.ground_truth, settings.ground_truth_gap_s)
-    return settings.judge({robot: front.keyframes for robot, front in result.fronts.items()}, truth)
+    return settings.truth_check({robot: front.keyframes for robot, front in result.fronts.items()}, truth)
 
 
 def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:

@@ -47,9 +47,9 @@ def test_true_and_false_where_there_is_a_measured_pose(lost_run: RunResult) -> N
     from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 
     keyframes = {robot: front.keyframes for robot, front in lost_run.fronts.items()}
-    judge = truth.judge(keyframes, in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0))
+    truth_check = truth.truth_check(keyframes, in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0))
     placement = Placement.of(lost_run.solution.graph.components, lost_run.merged)
-    rows = closure_rows(lost_run.solution.closures, lost_run.solution.graph.trajectories, placement, judge)
+    rows = closure_rows(lost_run.solution.closures, lost_run.solution.graph.trajectories, placement, truth_check)
     for row, closure in zip(rows, lost_run.solution.closures, strict=True):
         expected = None if closure.measured is None else closure.rejected_at is None
         assert row["true"] is expected

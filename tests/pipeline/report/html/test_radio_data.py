@@ -63,11 +63,11 @@ def test_odds_and_distance_of_alternatives() -> None:
     best = AlignmentHypothesis(np.eye(4), -10.0, ())
     other = AlignmentHypothesis(se3.from_yaw(np.pi / 2, [3.0, 4.0, 0.0]), -10.0 - np.log(4.0), ())
     unlikely = replace(other, log_likelihood=-1e6)
-    found = alternatives(FrameAlignment("a", "b", best, None, True, "", rivals=(other, unlikely)))
+    found = alternatives(FrameAlignment("a", "b", best, None, True, "", likely_alternatives=(other, unlikely)))
     assert found[0] == pytest.approx({"odds": 4.0, "apart_m": 5.0, "turned_deg": 90.0})
     assert np.isfinite(found[1]["odds"])
     assert alternatives(FrameAlignment("a", "b", None, None, True, "")) == []
-    assert len(alternatives(FrameAlignment("a", "b", best, None, False, "", runner_up=other))) == 1
+    assert len(alternatives(FrameAlignment("a", "b", best, None, False, "", best_alternative=other))) == 1
 
 
 def test_many_measurements_are_thinned_and_ordered() -> None:
