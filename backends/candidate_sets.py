@@ -1,0 +1,68 @@
+"""Sets of closures between groups of robots, and what is known for and against each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wiclosure.backends.alignment import ClosureComparison, ConsistentSet
+from wiclosure.types import FloatArray
+
+SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
+EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
+
+
+Places = Mapping[int, tuple[FloatArray, FloatArray]]
+"""By group: poses `(K, 4, 4)` of its nodes and samples `(K, 6, S)` of their errors."""
+
+
+@dataclass(eq=False)
+class CandidateSet:
+    """A set of closures between the pair `(a, b)` of groups, and what is known for and against it.
+
+    Args:
+        a, b: groups, a < b.
+        rows: closures, of all.
+        closure_set, comparison: from `alignment`.
+        objection: why the pair alone does not settle it; empty if it does.
+        extent: of the closures' ends along either path, by how far apart scans still match.
+        support, contradiction: of cycles over third groups.
+    """
+
+    a: int
+    b: int
+    rows: np.ndarray
+    closure_set: ConsistentSet
+    comparison: ClosureComparison
+    objection: str = ""
+    extent: float = 1.0
+    support: float = 0.0
+    contradiction: float = 0.0
+    refutation: str = ""
+    frame: FloatArray = field(init=False)
+    noise: FloatArray = field(init=False)
+    wander: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        claims, medoid = self.comparison.claims, self.closure_set.medoid
+        self.frame, self.noise, self.wander = claims.frames[medoid], claims.noise[medoid], claims.wander[medoid]
+
+    def __len__(self) -> int:
+        return len(self.closure_set)
+
+    @property
+    def weight(self) -> float:
+        """What it counts for against others: closures, half as much where they all see one place."""
+        return min(len(self), SATURATED) * 0.5 * (1.0 + min(self.extent, 1.0))
+
+    @property
+    def strength(self) -> float:
+        """Its weight, and that of cycles which close over it."""
+        return self.weight + self.support
+
+    @property
+    def holds(self) -> bool:
+        """Whether it may join its groups."""
+        return not self.refutation and (not self.objection or self.support > 0)
