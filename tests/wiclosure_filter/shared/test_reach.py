@@ -77,9 +77,9 @@ def test_what_is_left_out_the_gate_would_not_keep(gravity_aligned: bool, method:
 
 
 def test_tables_are_no_larger_than_where_robots_meet() -> None:
-    chosen = WiClosureFilter(FilterSettings(gate=GateSettings(sensor_range_m=20.0)))
+    chosen = WiClosureFilter()
     shared, gate = shared_by(chosen, seed=1), make_gate(chosen.settings.gate)
-    estimate = shared.estimates["a", "b"]
-    ((whole,), (part,)) = estimate.models("a", "b"), estimate.models("a", "b", gate)
+    estimate = shared.estimates["b", "c"]
+    ((whole,), (part,)) = estimate.models("b", "c"), estimate.models("b", "c", gate)
     assert part.table.size < whole.table.size
     assert not estimate.models("a", "e", gate)
