@@ -11,6 +11,7 @@ project = "wiclosure"
 release = version = __version__
 project_copyright = "the wiclosure contributors, BSD-3-Clause"
 language = "en-GB"
+smartquotes = False  # `--option` stays as it is
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 nitpicky = True
