@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import gtsam
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import Keys
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, survivors
@@ -29,6 +30,7 @@ class GraphResult:
         graph: odometry, accepted closures, radio and one anchor for each component.
         values: the estimate in GTSAM's form.
         sigma_scale: factor on the standard deviations in `graph`.
+        ground: what is known of the Earth; the world of the robots in `ground.placed` is its local east, north, up.
     """
 
     trajectories: dict[str, Trajectory]
@@ -39,6 +41,7 @@ class GraphResult:
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     sigma_scale: float = 1.0
+    ground: Ground = field(default_factory=Ground)
 
     def __repr__(self) -> str:
         joined = "; ".join(" and ".join(component) for component in self.components)

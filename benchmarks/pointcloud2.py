@@ -27,9 +27,9 @@ from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag, write_ros2_bag
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder, PointCloud2Message
+from wiclosure.pipeline.sources.messages.pointcloud2 import PointCloud2Decoder, PointCloud2Message
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, serialize, typestore
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 

@@ -22,7 +22,7 @@ from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.readers.tables import line_rows, opened, table_rows
 from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.readers.topics import topic_rows, with_message_preset
-from wiclosure.pipeline.radio.source import Kind, RadioSource
+from wiclosure.pipeline.radio.source import RadioKind, RadioSource
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
@@ -44,14 +44,14 @@ class RadioReading:
 
     log: WirelessLog
     account: Account | None
-    kind: Kind
+    kind: RadioKind
     unused: tuple[UnusedRadio, ...] = ()
 
 
-Known: TypeAlias = Collection[str] | None
+KnownRobots: TypeAlias = Collection[str] | None
 
 
-def read_radio(source: RadioSource, known: Known = None, *, salvage: bool = False) -> RadioReading:
+def read_radio(source: RadioSource, known: KnownRobots = None, *, salvage: bool = False) -> RadioReading:
     """Reads one source; what is left out is said in the log.
 
     Args:
@@ -84,7 +84,7 @@ def _with_preset(source: RadioSource) -> RadioSource:
     return RadioSource.model_validate(settings)
 
 
-def _kind(path: Path, source: RadioSource) -> Kind:
+def _kind(path: Path, source: RadioSource) -> RadioKind:
     """By what the source says, then by the file's first bytes."""
     if bag_kind(path):
         return "topics"
@@ -124,13 +124,13 @@ def _head(path: Path) -> bytes:
 
 
 # ------------------------------------------------------------------------------------------------------ kind by kind
-def _json_lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _json_lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     _refuse_settings(source, "JSON Lines", {"angle_unit"})
     log = read_wireless_log(path, angle_unit=source.angle_unit)
     return RadioReading(_renamed(log, source, known), None, "jsonl")
 
 
-def _table(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _table(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     table = opened(path, source)
     if source.preset is None and not source.range_ and (preset := preset_of_header(table.columns)):
         logger.info("%s: its columns are those of the preset %s", path, preset.name)
@@ -139,11 +139,11 @@ def _table(path: Path, source: RadioSource, known: Known, salvage: bool) -> Radi
     return RadioReading(*_interpreted(rows, complete, known), "table")
 
 
-def _lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     return RadioReading(*_interpreted(line_rows(path, source), source, known), "lines")
 
 
-def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _topics(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     if source.topic is None:
         _refuse_settings(source, "a bag without topic:", set())
         log = _renamed(read_wireless_topics(path, salvage=salvage), source, known)
@@ -154,7 +154,7 @@ def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> Rad
     return RadioReading(log, account, "topics", tuple(unused_radio(path, [str(source.topic)], salvage=salvage)))
 
 
-def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _factor_graph(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     rows = (
         Row(
             f"line {found.line}",
@@ -172,7 +172,7 @@ def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) 
     return RadioReading(*_interpreted(rows, source.model_copy(update={"stamp_unit": "s"}), known), "pyfg")
 
 
-def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _wsr(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     _refuse_settings(source, "WSR-Toolbox output", {"stamps"})
     stamps_ns = {trial: round(Decimal(str(stamp)) * 10**9) for trial, stamp in source.stamps.items()}
     profiles = read_wsr_profiles(path)
@@ -185,7 +185,7 @@ def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioR
     return RadioReading(_renamed(log, source, known), None, "wsr")
 
 
-_READERS: Mapping[Kind, Callable[[Path, RadioSource, Known, bool], RadioReading]] = {
+_READERS: Mapping[RadioKind, Callable[[Path, RadioSource, KnownRobots, bool], RadioReading]] = {
     "jsonl": _json_lines,
     "table": _table,
     "lines": _lines,
@@ -195,7 +195,7 @@ _READERS: Mapping[Kind, Callable[[Path, RadioSource, Known, bool], RadioReading]
 }
 
 
-def _interpreted(rows: Iterator[Row], source: RadioSource, known: Known) -> tuple[WirelessLog, Account]:
+def _interpreted(rows: Iterator[Row], source: RadioSource, known: KnownRobots) -> tuple[WirelessLog, Account]:
     return interpret(rows, source, known, source.described())
 
 
@@ -211,6 +211,6 @@ def _refuse_settings(source: RadioSource, what: str, more: set[str]) -> None:
         raise ConfigError(f"{source.described()}: {what} cannot use {names}; known: {', '.join(sorted(known))}")
 
 
-def _renamed(log: WirelessLog, source: RadioSource, known: Known) -> WirelessLog:
+def _renamed(log: WirelessLog, source: RadioSource, known: KnownRobots) -> WirelessLog:
     """A log that names robots and states units itself, corrected by what the source says besides."""
     return corrected(log, source, TagNames(source, known if source.robots == "by number" else None))

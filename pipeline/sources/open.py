@@ -71,8 +71,16 @@ def guess_loader(path: Path) -> str:
         raise InputError(f"cannot read {path}: {error.strerror}; check its permissions") from error
     if found is None:
         supported = "; ".join(loader.what for loader in LOADERS.values())
-        raise InputError(f"{path} is not a recording that can be read; supported: {supported}")
+        inner = [
+            folder.name for folder in _folders(path) if any(loader.recognises(folder) for loader in LOADERS.values())
+        ]
+        hint = f"; name one of the recordings in it: {', '.join(inner[:8])}" if inner else ""
+        raise InputError(f"{path} is not a recording that can be read{hint}; supported: {supported}")
     return found
+
+
+def _folders(path: Path) -> list[Path]:
+    return sorted(inner for inner in path.iterdir() if inner.is_dir()) if path.is_dir() else []
 
 
 def open_source(

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import cast
 
 from wiclosure.pipeline.sources.bag import BagTopic
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE, CompressedCloud, DracoDecoder
+from wiclosure.pipeline.sources.messages.draco import CompressedCloud, DracoDecoder
 from wiclosure.pipeline.sources.messages.headers import nanoseconds_of
 from wiclosure.pipeline.sources.messages.livox import LIVOX_TYPES, LivoxDecoder, livox_header
 from wiclosure.pipeline.sources.messages.pointcloud2 import PointCloud2Decoder, PointCloud2Message
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore
+from wiclosure.pipeline.sources.messages.ros_types import DRACO_TYPE, deserialize, recorded_typestore
 from wiclosure.types import Scan
 
 

@@ -25,7 +25,7 @@ from wiclosure.pipeline.sources.folder import layouts_of
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
 from wiclosure.pipeline.sources.open import LOADERS
 
-Kind: TypeAlias = Literal["recording", "trajectory", "radio", "data set", "unknown"]
+FileKind: TypeAlias = Literal["recording", "trajectory", "radio", "data set", "unknown"]
 
 _DEPTH = 2
 _TEXT = {".csv", ".tsv", ".txt", ".tum", ".log", ".dat", ".jsonl", ".pyfg"}
@@ -49,7 +49,7 @@ class Found:
     """
 
     path: Path
-    kind: Kind
+    kind: FileKind
     holds: str
     recording: RecordingInfo | None = None
     radio: tuple[UnusedRadio, ...] = ()

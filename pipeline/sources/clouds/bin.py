@@ -35,6 +35,7 @@ LAYOUTS: Mapping[str, str] = {
 _FORMATS = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 _FARTHEST_M = 1e6  # no LiDAR sees so far: larger numbers are no coordinates
 _FEWEST_POINTS = 200
+_LOW = 2.0  # times as much as up and down a scene spreads along the ground, or more
 _ODD = 0.01  # share of points that may hold such numbers
 
 
@@ -109,7 +110,7 @@ def _doubt_order(path: Path, records: np.ndarray) -> None:
             "%s: read as %s, but its number %d is never negative, as a reflectance, and its last is; say layout: '%s'"
             " in the dataset.yaml where that is their order", path, KITTI, "xyz".index(positive) + 1, " ".join(order),
         )  # fmt: skip
-    elif spread["z"] > max(spread["x"], spread["y"]):
+    elif spread["z"] > max(spread["x"], spread["y"], _LOW * min(spread["x"], spread["y"])):
         low = min("xy", key=lambda axis: spread[axis])
         logger.warning(
             "%s: read as %s, but z spreads more (%.3g m) than x and y, and %s least (%.3g m): where another axis points"

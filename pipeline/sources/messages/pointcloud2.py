@@ -22,8 +22,6 @@ from wiclosure.types import Float32Array, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
 
-POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-
 # sensor_msgs/PointField's numbers; 9 to 11 are new in ROS 2 Lyrical, and in use before that.
 FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"

@@ -159,3 +159,15 @@ def test_clouds_of_a_map_are_refused(tmp_path: Path) -> None:
     path = cloud_files(tmp_path, around((4e5, 5e6, 0.0)), ".ply")
     with pytest.raises(InputError, match="coordinates of a map; scans must be in the sensor's own axes"):
         list(open_source(path))
+
+
+def test_a_folder_of_recordings_is_told_from_one(tmp_path: Path) -> None:
+    cloud_files(tmp_path, around(), ".pcd")
+    with pytest.raises(InputError, match="name one of the recordings in it: clouds; supported"):
+        open_source(tmp_path)
+
+
+def test_hidden_files_are_no_clouds(tmp_path: Path) -> None:
+    path = cloud_files(tmp_path, around(), ".ply")
+    (path / "._000001.ply").write_bytes(b"of another system")
+    assert len(list(open_source(path))) == 3
