@@ -17,7 +17,7 @@ FEW = 4  # closures, of which each may be a set of its own: third robots may tel
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ClosureComparison:
     """Closures between two groups, compared with each other once; sets follow for any scale of sigma.
 
     Args:
@@ -33,12 +33,12 @@ class Comparison:
     chance: FloatArray
 
     @classmethod
-    def of(cls, claims: Claims, beyond: float) -> Comparison:
+    def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
         """Compares the closures, exactly up to a squared distance of `beyond`."""
         anchors = np.unique(np.linspace(0, len(claims) - 1, min(ANCHORS, len(claims))).round().astype(np.int64))
         return cls(claims, anchors, claims.distances(anchors, beyond), claims.chance_distances())
 
-    def hypotheses(self, limit: float, most: int = MOST_SETS) -> list[Hypothesis]:
+    def consistent_sets(self, limit: float, most: int = MOST_SETS) -> list[ConsistentSet]:
         """Dense sets, largest first.
 
         Args:
@@ -58,15 +58,15 @@ class Comparison:
                 continue
             taken |= belongs
             medoid = self.anchors[members[np.argmax((agree[members][:, rows]).sum(axis=1))]]
-            found.append(Hypothesis(rows, int(medoid), p, len(self.claims)))
+            found.append(ConsistentSet(rows, int(medoid), p, len(self.claims)))
         if len(self.claims) <= FEW:
             alone = np.flatnonzero(~taken)
-            found += [Hypothesis(np.array([row]), int(row), p, len(self.claims)) for row in alone]
+            found += [ConsistentSet(np.array([row]), int(row), p, len(self.claims)) for row in alone]
         return found
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
+class ConsistentSet:
     """A set of closures that agree.
 
     Args:

@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.edges import mahalanobis_squared
+from wiclosure.backends.edges import DEGREES, mahalanobis_squared
 from wiclosure.types import FloatArray, IntArray
 
-CHUNK = 2048  # pairs at once: bounds memory
+PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
 NULL_PAIRS = 1000  # recombined pairs from which the chance to agree is estimated
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
-DEGREES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +72,7 @@ class Claims:
         Infinite where the rotations alone are further apart than `beyond` allows, which costs little to see.
         """
         found = np.full((len(rows), len(self)), np.inf)
-        size = max(1, CHUNK // max(len(self), 1))
+        size = max(1, PAIRS_AT_ONCE // max(len(self), 1))
         own = self.noise + self.wander @ np.swapaxes(self.wander, 1, 2)
         spread = 2.0 * np.trace(own[:, :3, :3], axis1=1, axis2=2)  # of a difference: at most twice the sum
         rotations = self.frames[:, :3, :3].reshape(-1, 9)
@@ -102,8 +101,8 @@ class Claims:
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]
         distances = []
-        for start in range(0, len(chosen), CHUNK):
-            part = chosen[start : start + CHUNK]
+        for start in range(0, len(chosen), PAIRS_AT_ONCE):
+            part = chosen[start : start + PAIRS_AT_ONCE]
             one = self.recombined(first[part], first_end[part])
             other = self.recombined(second[part], second_end[part])
             apart = other.wander - one.wander

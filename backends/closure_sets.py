@@ -14,7 +14,7 @@ from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, measured_poses
 
 
-class Verdict(NamedTuple):
+class Decision(NamedTuple):
     """What a stage decides on one closure, and why."""
 
     accepted: bool
@@ -101,10 +101,10 @@ def closure_sets(
     return [_stacked(robots[a], robots[b], rows[a, b], closures, noise) for a, b in sorted(rows)], unusable
 
 
-def decided(closures: Sequence[Closure], stage: Stage, verdicts: Mapping[int, Verdict]) -> list[Closure]:
+def decided(closures: Sequence[Closure], stage: Stage, decisions: Mapping[int, Decision]) -> list[Closure]:
     """The closures in their order, as a stage leaves them that decided on some rows."""
     result = list(closures)
-    for row, (accepted, reason) in verdicts.items():
+    for row, (accepted, reason) in decisions.items():
         result[row] = result[row].accepted(stage, reason) if accepted else result[row].rejected(stage, reason)
     return result
 

@@ -68,7 +68,7 @@ class PcmSettings(Settings):
         description="closures that must agree. One alone cannot be checked; a place that is truly shared is seen from"
         " several keyframes, and a lone closure is mostly a poor one",
     )
-    rival_share: float = Field(
+    ambiguous_share: float = Field(
         0.8,
         gt=0,
         le=1,

@@ -23,35 +23,35 @@ class Cycles:
     """All cycles among the closures of two robots, row by row of their matrix.
 
     Args:
-        z: the closures.
+        closure_set: the closures.
         odometry_a, odometry_b: keyframe odometry of the robots, each in its own frame.
     """
 
-    z: ClosureSet
+    closure_set: ClosureSet
     odometry_a: Trajectory
     odometry_b: Trajectory
 
     @classmethod
-    def of(cls, z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> Cycles:
+    def of(cls, closure_set: ClosureSet, trajectories: Mapping[str, Trajectory]) -> Cycles:
         """The cycles over these robots' odometry."""
-        return cls(z, trajectories[z.robot_a], trajectories[z.robot_b])
+        return cls(closure_set, trajectories[closure_set.robot_a], trajectories[closure_set.robot_b])
 
     @cached_property
     def _T_odom_a(self) -> FloatArray:
-        return self.odometry_a.poses[self.z.index_a]
+        return self.odometry_a.poses[self.closure_set.index_a]
 
     @cached_property
     def _T_odom_b(self) -> FloatArray:
-        return self.odometry_b.poses[self.z.index_b]
+        return self.odometry_b.poses[self.closure_set.index_b]
 
     @cached_property
     def _T_odom_a_odom_b(self) -> FloatArray:
         """`(N, 4, 4)`: robot b's odometry frame in that of a, as each closure has it."""
-        return np.asarray(self._T_odom_a @ self.z.T_a_b @ se3.inverse(self._T_odom_b))
+        return np.asarray(self._T_odom_a @ self.closure_set.T_a_b @ se3.inverse(self._T_odom_b))
 
     @cached_property
     def _closure_covariance_odom_b(self) -> FloatArray:
-        return se3.rotate_covariance(se3.adjoint(self._T_odom_b), self.z.covariance)
+        return se3.rotate_covariance(se3.adjoint(self._T_odom_b), self.closure_set.covariance)
 
     def closing_transforms(self, row: int, others: IntArray) -> FloatArray:
         """`z_ik^-1 x_ij z_jl x_lk` `(M, 4, 4)` of the closure `row` (i, k) with `others (M,)` (j, l)."""
@@ -63,11 +63,11 @@ class Cycles:
         """DiSCo-SLAM's `z_ik x_ij z_jl^-1 x_lk`, `(M, 4, 4)`.
 
         It stores each loop as source-to-target and multiplies it as target-to-source.  Perfect closures then leave a
-        residual, unless z is its own inverse (no offset, heading equal or opposite).
+        residual, unless the closure is its own inverse (no offset, heading equal or opposite).
         """
         x_ij = se3.between(self._T_odom_a[row], self._T_odom_a[others])
         x_lk = se3.between(self._T_odom_b[others], self._T_odom_b[row])
-        return np.asarray(self.z.T_a_b[row] @ x_ij @ se3.inverse(self.z.T_a_b[others]) @ x_lk)
+        return np.asarray(self.closure_set.T_a_b[row] @ x_ij @ se3.inverse(self.closure_set.T_a_b[others]) @ x_lk)
 
     def mahalanobis_squared(self, row: int, others: IntArray, *, limit: float = np.inf) -> FloatArray:
         """`e^T Sigma^-1 e` `(M,)` of the cycles' errors; what exceeds `limit` by its rotation alone is infinite.
@@ -84,20 +84,24 @@ class Cycles:
 
     def _rotation_variance(self, row: int, others: IntArray) -> FloatArray:
         """Trace of Sigma's rotation block, the same in every frame: bounds the distance from below at little cost."""
-        a, b, of_closure = self.z.index_a, self.z.index_b, _rotation_trace(self.z.covariance)
+        a, b, of_closure = (
+            self.closure_set.index_a,
+            self.closure_set.index_b,
+            _rotation_trace(self.closure_set.covariance),
+        )
         along_a = self.odometry_a.rotation_variance_between(a[row], a[others])
         along_b = self.odometry_b.rotation_variance_between(b[row], b[others])
         return np.asarray(along_a + along_b + of_closure[others] + of_closure[row])
 
     def _covariance(self, row: int, others: IntArray) -> FloatArray:
-        a, b, rows = self.z.index_a, self.z.index_b, np.full(len(others), row)
+        a, b, rows = self.closure_set.index_a, self.closure_set.index_b, np.full(len(others), row)
         T_k_odom_b = se3.inverse(self._T_odom_b[row])
         T_k_odom_a = T_k_odom_b @ se3.inverse(self._T_odom_a_odom_b[row])
         in_odom_a = self.odometry_a.drift_between(a[rows], a[others])
         in_odom_b = self.odometry_b.drift_between(b[rows], b[others]) + self._closure_covariance_odom_b[others]
         to_k_a, to_k_b = se3.adjoint(T_k_odom_a), se3.adjoint(T_k_odom_b)
         at_k = _between(to_k_a, in_odom_a, to_k_a.T) + _between(to_k_b, in_odom_b, to_k_b.T)
-        return np.asarray(at_k + self.z.covariance[row])
+        return np.asarray(at_k + self.closure_set.covariance[row])
 
 
 def _between(left: FloatArray, matrices: FloatArray, right: FloatArray) -> FloatArray:

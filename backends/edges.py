@@ -19,6 +19,7 @@ STEPS = 30  # of Gauss-Newton; damped
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 MOST_DAMPED = 1e8
 HELD = 1e12  # information of a pose that is held
+DEGREES = 6  # of freedom of a pose
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 
 

@@ -52,9 +52,9 @@ def keyframes_in_factors(
     ends: dict[str, list[NDArray[np.int64]]] = {
         robot: [np.zeros(1, np.int64), t.junctions] for robot, t in trajectories.items()
     }
-    for z in sets:
-        ends[z.robot_a].append(z.index_a)
-        ends[z.robot_b].append(z.index_b)
+    for closure_set in sets:
+        ends[closure_set.robot_a].append(closure_set.index_a)
+        ends[closure_set.robot_b].append(closure_set.index_b)
     return {robot: np.unique(np.concatenate(indices)) for robot, indices in ends.items()}
 
 
@@ -102,9 +102,13 @@ def closure_factors(sets: Sequence[ClosureSet], keys: Keys) -> list[gtsam.Betwee
     """One factor for each closure, set after set."""
     return [
         gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(T), _noise(covariance))
-        for z in sets
+        for closure_set in sets
         for a, b, T, covariance in zip(
-            keys.all(z.robot_a, z.index_a), keys.all(z.robot_b, z.index_b), z.T_a_b, z.covariance, strict=True
+            keys.all(closure_set.robot_a, closure_set.index_a),
+            keys.all(closure_set.robot_b, closure_set.index_b),
+            closure_set.T_a_b,
+            closure_set.covariance,
+            strict=True,
         )
     ]
 
@@ -129,7 +133,7 @@ def with_factors(
     return grown
 
 
-def solve(
+def least_squares(
     graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, ordering: gtsam.Ordering | None = None
 ) -> gtsam.Values:
     """Least squares by Levenberg-Marquardt.
@@ -164,16 +168,16 @@ def inliers_among(
         RuntimeError: the system is indeterminate or has no finite solution.
     """
     if not candidates:
-        return np.zeros(0, bool), solve(known, initial)
+        return np.zeros(0, bool), least_squares(known, initial)
     limit = settings.inlier_limit(len(candidates))
     if settings.robust == "gnc":
         return _by_graduated_non_convexity(known, candidates, initial, limit)
     if settings.robust == "cauchy":
         kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH * settings.sigma_scale)
         robust = [f.cloneWithNewNoiseModel(gtsam.noiseModel.Robust.Create(kernel, f.noiseModel())) for f in candidates]
-        estimate = solve(with_factors(known, robust), initial)
+        estimate = least_squares(with_factors(known, robust), initial)
         return _chi_squares(candidates, estimate) < limit, estimate
-    return np.ones(len(candidates), bool), solve(with_factors(known, candidates), initial)
+    return np.ones(len(candidates), bool), least_squares(with_factors(known, candidates), initial)
 
 
 def _by_graduated_non_convexity(
@@ -191,7 +195,7 @@ def _by_graduated_non_convexity(
     """
     everything = with_factors(known, candidates)
     ordering = _ordering(everything)
-    estimate = solve(everything, initial, ordering)
+    estimate = least_squares(everything, initial, ordering)
     chi_square = _chi_squares(candidates, estimate)
     mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
     for _ in range(GNC_STEPS):
@@ -201,7 +205,7 @@ def _by_graduated_non_convexity(
         graph = with_factors(known, _weighted(candidates, weights))
         stepped = estimate.retract(graph.linearize(estimate).optimize(ordering))
         settled = _moved(chi_square, _chi_squares(candidates, stepped), limit) < GNC_SETTLED
-        estimate = stepped if settled else solve(graph, estimate, ordering)
+        estimate = stepped if settled else least_squares(graph, estimate, ordering)
         chi_square = _chi_squares(candidates, estimate)
         mu *= GNC_FACTOR_SETTLED if settled else GNC_FACTOR
     return weights > 0.5, estimate

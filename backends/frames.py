@@ -33,9 +33,13 @@ def initial_frames(
     """
     robots = list(trajectories)
     tree = nx.maximum_spanning_tree(_connections(robots, sets, radio), weight="closures")
-    transforms = {(of.robot_a, of.robot_b): of.T_a_b for of in radio}
+    transforms = {(links.robot_a, links.robot_b): links.T_a_b for links in radio}
     transforms |= {(b, a): se3.inverse(T_a_b) for (a, b), T_a_b in transforms.items()}
-    closed = {(z.robot_a, z.robot_b): frame_transform(z, trajectories) for z in sets if z.between_robots and len(z)}
+    closed = {
+        (closure_set.robot_a, closure_set.robot_b): frame_transform(closure_set, trajectories)
+        for closure_set in sets
+        if closure_set.between_robots and len(closure_set)
+    }
     transforms |= closed | {(b, a): se3.inverse(T_a_b) for (a, b), T_a_b in closed.items()}
     frames: dict[str, FloatArray] = {}
     for root in robots:
@@ -46,27 +50,31 @@ def initial_frames(
     return frames
 
 
-def frame_estimates(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
+def frame_estimates(closure_set: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
     """`(N, 4, 4)`: odometry frame of b in that of a, as each closure alone has it."""
-    T_odom_a = trajectories[z.robot_a].poses[z.index_a]
-    T_odom_b = trajectories[z.robot_b].poses[z.index_b]
-    return np.asarray(T_odom_a @ z.T_a_b @ se3.inverse(T_odom_b))
+    T_odom_a = trajectories[closure_set.robot_a].poses[closure_set.index_a]
+    T_odom_b = trajectories[closure_set.robot_b].poses[closure_set.index_b]
+    return np.asarray(T_odom_a @ closure_set.T_a_b @ se3.inverse(T_odom_b))
 
 
-def frame_transform(z: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
+def frame_transform(closure_set: ClosureSet, trajectories: Mapping[str, Trajectory]) -> FloatArray:
     """The one of the closures' frame estimates `(4, 4)` that most others agree with.
 
     Each closure says where b's keyframe is in a's frame; an estimate pays for its distance to these places, but no more
     than odometry can have drifted: what is further off is false and tells nothing.  So it stands up to any share of
     false closures that do not agree among themselves, which a mean or a median does not.
     """
-    estimates = frame_estimates(z, trajectories)
-    place_b = trajectories[z.robot_b].positions[z.index_b]
-    place_a = (trajectories[z.robot_a].poses[z.index_a] @ z.T_a_b)[:, :3, 3]
-    tried = estimates[np.linspace(0, len(z) - 1, min(len(z), CANDIDATES)).round().astype(int)]
+    estimates = frame_estimates(closure_set, trajectories)
+    place_b = trajectories[closure_set.robot_b].positions[closure_set.index_b]
+    place_a = (trajectories[closure_set.robot_a].poses[closure_set.index_a] @ closure_set.T_a_b)[:, :3, 3]
+    tried = estimates[np.linspace(0, len(closure_set) - 1, min(len(closure_set), CANDIDATES)).round().astype(int)]
     predicted_a = np.einsum("cij,nj->cni", tried[:, :3, :3], place_b) + tried[:, None, :3, 3]
     apart = np.linalg.norm(predicted_a - place_a, axis=2)
-    reach = 1.0 + _drift_m(trajectories[z.robot_a], z.index_a) + _drift_m(trajectories[z.robot_b], z.index_b)
+    reach = (
+        1.0
+        + _drift_m(trajectories[closure_set.robot_a], closure_set.index_a)
+        + _drift_m(trajectories[closure_set.robot_b], closure_set.index_b)
+    )
     return np.asarray(tried[np.argmin(np.minimum(apart, reach).sum(axis=1))])
 
 
@@ -79,8 +87,15 @@ def _drift_m(trajectory: Trajectory, indices: IntArray) -> float:
 def _connections(robots: Sequence[str], sets: Sequence[ClosureSet], radio: Sequence[RadioLinks]) -> nx.Graph[str]:
     graph: nx.Graph[str] = nx.Graph()
     graph.add_nodes_from(robots)
-    graph.add_weighted_edges_from(((of.robot_a, of.robot_b, 0) for of in radio if len(of)), weight="closures")
     graph.add_weighted_edges_from(
-        ((z.robot_a, z.robot_b, len(z)) for z in sets if z.between_robots and len(z)), weight="closures"
+        ((links.robot_a, links.robot_b, 0) for links in radio if len(links)), weight="closures"
+    )
+    graph.add_weighted_edges_from(
+        (
+            (closure_set.robot_a, closure_set.robot_b, len(closure_set))
+            for closure_set in sets
+            if closure_set.between_robots and len(closure_set)
+        ),
+        weight="closures",
     )
     return graph

@@ -11,7 +11,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, closure_sets
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.edges import mahalanobis_squared
-from wiclosure.backends.merging import Merged
+from wiclosure.backends.merging import MergedGroups
 from wiclosure.backends.pcm import PcmResult, pairwise_consistent
 from wiclosure.backends.settling import outlier_limit
 from wiclosure.backends.team_arrays import TeamArrays
@@ -30,7 +30,7 @@ class IncrementalConsistency:
         self._inliers: set[int] = set()
         self._decided = 0
         self._result: PcmResult | None = None
-        self._basis: tuple[TeamArrays, Merged] | None = None
+        self._basis: tuple[TeamArrays, MergedGroups] | None = None
 
     def add(self, closures: Sequence[Closure], trajectories: Mapping[str, Trajectory]) -> None:
         """Takes more closures in.
@@ -46,13 +46,15 @@ class IncrementalConsistency:
         first = len(self._closures)
         self._closures += closures
         self._odometry, self._result = trajectories, None
-        new = [replace(z, rows=z.rows + first) for z in sets]
+        new = [replace(closure_set, rows=closure_set.rows + first) for closure_set in sets]
         if not self.settings.enabled:
-            self._inliers |= {row for z in new for row in z.rows.tolist()}
+            self._inliers |= {row for closure_set in new for row in closure_set.rows.tolist()}
         elif self.settings.published or len(self._closures) - self._decided >= max(1.0, GROWTH * len(self._closures)):
             self.result()
         else:
-            self._inliers |= {row for z in new for row in z.rows[self._predicted(z)].tolist()}
+            self._inliers |= {
+                row for closure_set in new for row in closure_set.rows[self._predicted(closure_set)].tolist()
+            }
 
     @property
     def inlier_rows(self) -> frozenset[int]:
@@ -70,23 +72,23 @@ class IncrementalConsistency:
             self._inliers = set(live) - unusable.keys()
         return self._result
 
-    def _predicted(self, z: ClosureSet) -> BoolArray:
+    def _predicted(self, closure_set: ClosureSet) -> BoolArray:
         """Which closures `(N,)` lie where the last decision and odometry since predict them."""
-        nothing = np.zeros(len(z), bool)
+        nothing = np.zeros(len(closure_set), bool)
         if self._basis is None:
             return nothing
         team, merged = self._basis
-        a, b = (team.names.index(robot) for robot in (z.robot_a, z.robot_b))
+        a, b = (team.names.index(robot) for robot in (closure_set.robot_a, closure_set.robot_b))
         if merged.group[a] != merged.group[b]:
             return nothing
-        T_a, wander_a, since_a = self._at(z.robot_a, z.index_a)
-        T_b, wander_b, since_b = self._at(z.robot_b, z.index_b)
+        T_a, wander_a, since_a = self._at(closure_set.robot_a, closure_set.index_a)
+        T_b, wander_b, since_b = self._at(closure_set.robot_b, closure_set.index_b)
         predicted = se3.between(T_a, T_b)
         apart = se3.adjoint(se3.inverse(T_b)) @ (wander_b - wander_a)
         spread = apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
         odometry = since_b + se3.rotate_covariance(se3.adjoint(se3.inverse(predicted)), since_a)
-        covariance = spread + merged.scale**2 * (odometry + z.covariance)
-        distance = mahalanobis_squared(se3.log(se3.between(z.T_a_b, predicted)), covariance)
+        covariance = spread + merged.scale**2 * (odometry + closure_set.covariance)
+        distance = mahalanobis_squared(se3.log(se3.between(closure_set.T_a_b, predicted)), covariance)
         return np.asarray(distance <= outlier_limit(len(self._closures), self.settings.probability))
 
     def _at(self, robot: str, indices: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,18 +8,18 @@ import networkx as nx
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.edges import mahalanobis_squared
-from wiclosure.backends.hypotheses import Candidate
 from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
 from wiclosure.types import FloatArray, IntArray
 
 
 def joined_groups(
-    robots: Robots, group: IntArray, settled: Settled, holding: Sequence[Candidate], limit: float
+    robots: Robots, group: IntArray, settled: Settled, holding: Sequence[CandidateSet], limit: float
 ) -> tuple[IntArray, FloatArray, IntArray]:
     """New groups, poses in their frames, and the closures of the sets that joined them or agree with those."""
-    best: dict[tuple[int, int], Candidate] = {}
+    best: dict[tuple[int, int], CandidateSet] = {}
     for candidate in sorted(holding, key=lambda c: (c.support, len(c))):
         best[candidate.a, candidate.b] = candidate
     graph: nx.Graph[int] = nx.Graph()
@@ -33,15 +33,17 @@ def joined_groups(
         root = min(component)
         frames[root] = np.eye(4)
         for parent, child in nx.bfs_edges(tree, root):
-            of = best[min(parent, child), max(parent, child)]
-            frames[child] = frames[parent] @ (of.frame if parent == of.a else se3.inverse(of.frame))
+            tree_edge = best[min(parent, child), max(parent, child)]
+            frames[child] = frames[parent] @ (
+                tree_edge.frame if parent == tree_edge.a else se3.inverse(tree_edge.frame)
+            )
         new_group[np.isin(group, list(component))] = root
     T = np.stack([frames[int(g)] for g in group[robots.robot]])
     agreeing = [c for c in best.values() if tree.has_edge(c.a, c.b) or _agrees(c, frames, limit)]
     return new_group, T @ settled.poses, np.concatenate([c.rows for c in agreeing])
 
 
-def _agrees(candidate: Candidate, frames: dict[int, FloatArray], limit: float) -> bool:
+def _agrees(candidate: CandidateSet, frames: dict[int, FloatArray], limit: float) -> bool:
     """Whether a set agrees with where the others put its groups, its own uncertainty alone counted twice."""
     error = se3.log(se3.between(candidate.frame, se3.between(frames[candidate.a], frames[candidate.b])))
     covariance = candidate.noise + candidate.wander @ candidate.wander.T

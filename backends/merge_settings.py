@@ -12,13 +12,13 @@ class MergeSettings:
     Args:
         agree_limit: squared distance within which two closures agree.
         probability: that none of the true closures is taken for an outlier.
-        rival_share: a set that contradicts another of the same pair and has this share of its size leaves it open.
+        ambiguous_share: a set that contradicts another of the same pair and has this share of its size leaves it open.
         min_size: closures that a set must have.
         most_scale: standard deviations may be stated so many times too small or too large; 1 takes them as they are.
     """
 
     agree_limit: float
     probability: float = 0.99
-    rival_share: float = 0.8
+    ambiguous_share: float = 0.8
     min_size: int = 2
     most_scale: float = 1.0

@@ -1,4 +1,4 @@
-"""Robots become groups, groups one map: sets of closures that agree join them, and every closure is judged by the rest.
+"""Robots become groups, groups one map: sets of closures that agree join them, and the rest checks every closure.
 
 Each round compares all closures between two groups (of whichever of their robots), so that closures of different pairs
 of robots check each other over third robots; sets that hold join their groups, and the joined groups are estimated.
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.backends import sigma_scale
-from wiclosure.backends.alignment import Comparison
-from wiclosure.backends.hypotheses import Candidate, settle_cycles
+from wiclosure.backends.alignment import ClosureComparison
+from wiclosure.backends.candidate_sets import CandidateSet, settle_cycles
 from wiclosure.backends.joining import joined_groups
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
@@ -26,7 +26,7 @@ TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
 
 
 @dataclass(eq=False)
-class Merged:
+class MergedGroups:
     """What came of it.
 
     Args:
@@ -41,12 +41,12 @@ class Merged:
     inlier: BoolArray
     group: IntArray
     reason: dict[int, str]
-    candidates: list[Candidate]
+    candidates: list[CandidateSet]
     settled: Settled
     scale: float
 
 
-def merge(robots: Robots, settings: MergeSettings) -> Merged:
+def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
     own = robots.own
     everything = settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
@@ -81,7 +81,7 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     alone = np.arange(robots.count)
     widest = settings.agree_limit * (2.0 * most) ** 2
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [Comparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
+    comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
 
 
@@ -95,16 +95,16 @@ def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
     return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
 
 
-def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> Merged:
+def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
     """Round after round."""
     limit, robots = outlier_limit(len(robots.loops), settings.probability), robots.scaled(scale)
     group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
-    of_robots: list[Candidate] | None = None
+    of_robots: list[CandidateSet] | None = None
     while True:
         places = places_of_groups(robots, group, settled)
         pairs = pairs_of_groups(robots, group)
         candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, places, settings)]
-        settle_cycles(candidates, places, settings.agree_limit, settings.rival_share)
+        settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = [c for c in candidates if c.holds]
         if not holding:
@@ -117,16 +117,16 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
         settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
     reasons = _reasons(robots, group, settled, candidates)
-    return Merged(settled.inlier, group, reasons, of_robots, settled, scale)
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, scale)
 
 
-def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[Candidate]) -> dict[int, str]:
+def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:
     """Why closures are rejected."""
     first, second = robots.groups_of_ends(group)
     reasons: dict[int, str] = {}
     for candidate in reversed(last):
         for row in candidate.rows.tolist():
-            reasons[row] = candidate.fallen or candidate.doubt
+            reasons[row] = candidate.refutation or candidate.objection
     for row in np.flatnonzero(~settled.inlier).tolist():
         if first[row] == second[row]:
             sigmas = np.sqrt(settled.distance[row])

@@ -14,9 +14,9 @@ class PairConsistency:
         considered: closures that were checked.
         kept: how many were accepted.
         largest: size of the largest consistent set.
-        rival: size of the largest set that contradicts it.
+        contradicting: size of the largest set that contradicts it.
         proven: false if the time ran out before a larger set was excluded.
-        ambiguous: the rival is nearly as large, so that neither is believed.
+        ambiguous: that set is nearly as large, so that neither is accepted.
         sentence: the same for the user.
     """
 
@@ -25,7 +25,7 @@ class PairConsistency:
     considered: int
     kept: int
     largest: int
-    rival: int
+    contradicting: int
     proven: bool
     ambiguous: bool
     sentence: str

@@ -1,4 +1,4 @@
-"""Sets of closures between two groups of robots, and the doubts that the pair alone leaves."""
+"""Sets of closures between two groups of robots, and what speaks against each within the pair."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.alignment import ClosureComparison
+from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE, CandidateSet, Places
 from wiclosure.backends.claims import Claims
-from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE, Candidate, Places
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
@@ -46,16 +46,16 @@ def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Set
 
 def sets_between(
     robots: Robots, rows: IntArray, group: IntArray, settled: Settled, places: Places, settings: MergeSettings
-) -> list[Candidate]:
-    """Sets between two groups, with the doubts that the pair alone leaves."""
+) -> list[CandidateSet]:
+    """Sets between two groups, with what speaks against each within the pair."""
     claims, a, b = claims_between(robots, rows, group, settled)
-    comparison = Comparison.of(claims, settings.agree_limit)
-    hypotheses = comparison.hypotheses(settings.agree_limit)
-    found = [Candidate(a, b, rows[h.rows], h, comparison) for h in hypotheses]
+    comparison = ClosureComparison.of(claims, settings.agree_limit)
+    consistent_sets = comparison.consistent_sets(settings.agree_limit)
+    found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
         candidate.extent = _extent(robots, candidate)
-        candidate.doubt = _doubt(robots, candidate, group, places, settings.min_size)
-    _rivals(found, settings.rival_share)
+        candidate.objection = _objection(robots, candidate, group, places, settings.min_size)
+    _compare_sizes(found, settings.ambiguous_share)
     return found
 
 
@@ -65,20 +65,20 @@ def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Place
     return {int(g): (settled.poses[of_node == g], settled.wander[of_node == g]) for g in np.unique(group)}
 
 
-def _extent(robots: Robots, candidate: Candidate) -> float:
+def _extent(robots: Robots, candidate: CandidateSet) -> float:
     """How far the closures' ends lie apart on either path, by how far apart scans still match."""
-    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
     reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
     return _span(candidate) / max(reach, 1e-9)
 
 
-def _span(candidate: Candidate) -> float:
+def _span(candidate: CandidateSet) -> float:
     """The same in metres."""
-    claims = candidate.comparison.claims.subset(candidate.hypothesis.rows)
+    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
     return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
-def _covers(robots: Robots, candidate: Candidate, group: IntArray) -> bool:
+def _covers(robots: Robots, candidate: CandidateSet, group: IntArray) -> bool:
     """Whether the ends span much of both paths, along these: a path that winds about one field spans it anywhere."""
     nodes = robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]
     of_robot = np.concatenate([robots.robot[n] for n in nodes])
@@ -91,14 +91,14 @@ def _covers(robots: Robots, candidate: Candidate, group: IntArray) -> bool:
     return stretch**2 * PLACE_PAIRS >= length_a * length_b
 
 
-def _doubt(robots: Robots, candidate: Candidate, group: IntArray, places: Places, min_size: int) -> str:
+def _objection(robots: Robots, candidate: CandidateSet, group: IntArray, places: Places, min_size: int) -> str:
     """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
-    size, total = len(candidate), candidate.hypothesis.total
+    size, total = len(candidate), candidate.closure_set.total
     if size == 1:
         return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
     if size < min_size:
         return f"no more than {size} of the {total} closures agree, {min_size} must"
-    if candidate.hypothesis.log_chance > np.log(EXPECTED_BY_CHANCE):
+    if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
     positions = (poses[:, :3, 3] for poses, _ in (places[candidate.a], places[candidate.b]))
     extent_a, extent_b = (float(np.linalg.norm(np.ptp(of_group, axis=0))) for of_group in positions)
@@ -112,16 +112,18 @@ def _doubt(robots: Robots, candidate: Candidate, group: IntArray, places: Places
     )
 
 
-def _rivals(found: Sequence[Candidate], rival_share: float) -> None:
+def _compare_sizes(found: Sequence[CandidateSet], ambiguous_share: float) -> None:
     """Two sets of one pair that contradict each other and are alike in size leave it open."""
-    sure = [c for c in found if not c.doubt]
+    sure = [c for c in found if not c.objection]
     if len(sure) < 2:
         return
-    largest, rival = sorted(sure, key=len, reverse=True)[:2]
-    close = len(rival) >= rival_share * len(largest)
-    sizes = f"of {len(largest)}" if len(largest) == len(rival) else f"of {len(largest)} and {len(rival)}"
+    largest, contradicting = sorted(sure, key=len, reverse=True)[:2]
+    close = len(contradicting) >= ambiguous_share * len(largest)
+    sizes = (
+        f"of {len(largest)}" if len(largest) == len(contradicting) else f"of {len(largest)} and {len(contradicting)}"
+    )
     for candidate in sure:
         if close:
-            candidate.doubt = f"ambiguous, two sets {sizes} closures contradict each other; neither is believed"
+            candidate.objection = f"ambiguous, two sets {sizes} closures contradict each other; neither is accepted"
         elif candidate is not largest:
-            candidate.doubt = f"inconsistent with the {len(largest)} closures of the largest consistent set"
+            candidate.objection = f"inconsistent with the {len(largest)} closures of the largest consistent set"

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure.backends.clique import chi_square_limit, largest_clique
-from wiclosure.backends.closure_sets import ClosureSet, Verdict, closure_sets, decided
+from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.merge_settings import MergeSettings
-from wiclosure.backends.merging import Merged, merge
+from wiclosure.backends.merging import MergedGroups, merge_groups
 from wiclosure.backends.pair_report import PairConsistency
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.types import Closure, Stage, Trajectory
@@ -31,7 +31,7 @@ class PcmResult:
     closures: tuple[Closure, ...]
     pairs: tuple[PairConsistency, ...]
     scale: float = 1.0
-    basis: tuple[TeamArrays, Merged] | None = None
+    basis: tuple[TeamArrays, MergedGroups] | None = None
 
     @property
     def diagnosis(self) -> tuple[str, ...]:
@@ -63,21 +63,21 @@ def pairwise_consistent(
         closure_sets(closures, trajectories, settings.noise)  # names unknown robots and keyframes
         return PcmResult(tuple(closures), ())
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
-    verdicts = {row: Verdict(False, reason) for row, reason in unusable.items()}
+    decisions = {row: Decision(False, reason) for row, reason in unusable.items()}
     if settings.published:
-        found = [largest_clique(z, trajectories, settings) for z in sets]
+        found = [largest_clique(closure_set, trajectories, settings) for closure_set in sets]
         for _, of_pair in found:
-            verdicts |= of_pair
-        checked = decided(closures, Stage.CONSISTENCY, verdicts)
-        return PcmResult(tuple(_with_support(checked, sets, verdicts)), tuple(report for report, _ in found))
+            decisions |= of_pair
+        checked = decided(closures, Stage.CONSISTENCY, decisions)
+        return PcmResult(tuple(_with_support(checked, sets, decisions)), tuple(report for report, _ in found))
     if not sets:
-        return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, verdicts)), ())
+        return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
-    merged = merge(team.robots, merge_settings(settings))
+    merged = merge_groups(team.robots, merge_settings(settings))
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
-        verdicts[row] = Verdict(inlier, "agrees with the others" if inlier else merged.reason[n])
-    checked = _with_support(decided(closures, Stage.CONSISTENCY, verdicts), sets, verdicts)
-    reports = tuple(_report(z, team, merged, verdicts) for z in sets)
+        decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
+    checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
+    reports = tuple(_report(closure_set, team, merged, decisions) for closure_set in sets)
     return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
 
 
@@ -86,39 +86,42 @@ def merge_settings(settings: PcmSettings) -> MergeSettings:
     return MergeSettings(
         agree_limit=chi_square_limit(settings.probability),
         probability=settings.probability,
-        rival_share=settings.rival_share,
+        ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,
         most_scale=settings.max_scale,
     )
 
 
-def _report(z: ClosureSet, team: TeamArrays, merged: Merged, verdicts: Mapping[int, Verdict]) -> PairConsistency:
+def _report(
+    closure_set: ClosureSet, team: TeamArrays, merged: MergedGroups, decisions: Mapping[int, Decision]
+) -> PairConsistency:
     """Of one pair of robots, or of one robot."""
-    a, b = sorted((team.names.index(z.robot_a), team.names.index(z.robot_b)))
+    a, b = sorted((team.names.index(closure_set.robot_a), team.names.index(closure_set.robot_b)))
     own = [c for c in merged.candidates if (c.a, c.b) == (a, b)]
     sizes = [*sorted((len(c) for c in own), reverse=True), 0, 0]
-    kept = sum(verdicts[row].accepted for row in z.rows.tolist())
-    doubts = [c.fallen or c.doubt for c in sorted(own, key=len, reverse=True) if c.fallen or c.doubt]
+    kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
+    against = (c.refutation or c.objection for c in sorted(own, key=len, reverse=True))
+    objections = [reason for reason in against if reason]
     if kept:
-        said = f"{kept} of {len(z)} closures agree and are accepted"
-    elif len(z) == 1:
+        said = f"{kept} of {len(closure_set)} closures agree and are accepted"
+    elif len(closure_set) == 1:
         said = "a single closure cannot be checked"
     else:
-        said = doubts[0] if doubts else f"no two of the {len(z)} closures agree"
-    ambiguous = not kept and bool(doubts) and doubts[0].startswith("ambiguous")
+        said = objections[0] if objections else f"no two of the {len(closure_set)} closures agree"
+    ambiguous = not kept and bool(objections) and objections[0].startswith("ambiguous")
     return PairConsistency(
-        z.robot_a, z.robot_b, len(z), kept, sizes[0], sizes[1], proven=True, ambiguous=ambiguous,
-        sentence=f"{z.name}: {said}",
+        closure_set.robot_a, closure_set.robot_b, len(closure_set), kept, sizes[0], sizes[1], proven=True,
+        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}",
     )  # fmt: skip
 
 
 def _with_support(
-    closures: Sequence[Closure], sets: Sequence[ClosureSet], verdicts: Mapping[int, Verdict]
+    closures: Sequence[Closure], sets: Sequence[ClosureSet], decisions: Mapping[int, Decision]
 ) -> list[Closure]:
     """With the number of other accepted closures of the same pair of robots, for those accepted."""
     found = list(closures)
-    for z in sets:
-        inside = [row for row in z.rows.tolist() if verdicts[row].accepted]
+    for closure_set in sets:
+        inside = [row for row in closure_set.rows.tolist() if decisions[row].accepted]
         for row in inside:
             found[row] = replace(found[row], consistent_with=len(inside) - 1)
     return found

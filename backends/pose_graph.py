@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.backends.closure_sets import ClosureSet, Verdict, closure_sets, decided
+from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import (
@@ -20,8 +20,8 @@ from wiclosure.backends.factors import (
     closure_factors,
     inliers_among,
     keyframes_in_factors,
+    least_squares,
     odometry_factors,
-    solve,
     with_factors,
 )
 from wiclosure.backends.frames import components, initial_frames
@@ -84,9 +84,9 @@ def optimise(
     radio = radio if settings.radio else ()
     found = _estimate(trajectories, sets, radio, settings, earth or EarthMeasurements())
     kept = _kept(sets, found.inliers)
-    verdicts = {row: Verdict(False, reason) for row, reason in unusable.items()}
-    for z, mask in zip(sets, found.inliers, strict=True):
-        verdicts |= _verdicts(z, mask, found.poses, closures)
+    decisions = {row: Decision(False, reason) for row, reason in unusable.items()}
+    for closure_set, mask in zip(sets, found.inliers, strict=True):
+        decisions |= _decisions(closure_set, mask, found.poses, closures)
     groups = components(list(trajectories), kept, radio)
     graph, values = found.solved or (
         _final_graph(trajectories, kept, radio, groups, found.poses, found.ground),
@@ -96,7 +96,7 @@ def optimise(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=found.ground.joined(groups),
-        closures=tuple(decided(closures, Stage.ESTIMATE, verdicts)),
+        closures=tuple(decided(closures, Stage.ESTIMATE, decisions)),
         diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), kept, sets),
         graph=graph,
         values=values,
@@ -146,7 +146,7 @@ def _estimate(
         logger.debug("the estimate failed", exc_info=True)
         first_line = str(error).strip().partition("\n")[0]
         sentence = f"the estimate failed ({first_line}); trajectories are placed rigidly, drift stays in"
-        return _Estimate([np.ones(len(z), bool) for z in sets], rigid, (sentence,))
+        return _Estimate([np.ones(len(closure_set), bool) for closure_set in sets], rigid, (sentence,))
 
 
 def _joint(
@@ -163,12 +163,12 @@ def _joint(
     groups = components(list(trajectories), kept, radio)
     ground, start = Ground.under(groups, _reset_unconnected(trajectories, groups, poses), earth)
     graph = _final_graph(trajectories, kept, radio, groups, start, ground)
-    values = solve(graph, _values(start))
+    values = least_squares(graph, _values(start))
     return _Estimate(masks, _poses(values, trajectories), ground.diagnosis, (graph, values), ground)
 
 
 def _kept(sets: Sequence[ClosureSet], masks: Sequence[BoolArray]) -> list[ClosureSet]:
-    return [z.subset(np.flatnonzero(mask)) for z, mask in zip(sets, masks, strict=True)]
+    return [of.subset(np.flatnonzero(mask)) for of, mask in zip(sets, masks, strict=True)]
 
 
 def _decide(
@@ -200,13 +200,16 @@ def _decide(
     for robot, trajectory in trajectories.items():
         keyframes = trajectory.subset(team.nodes[robot])
         moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
-    return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], moved
+    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], moved
 
 
 def _numbered(sets: Sequence[ClosureSet]) -> list[ClosureSet]:
     """With rows counted through all sets."""
     starts = np.cumsum([0, *map(len, sets)])
-    return [replace(z, rows=start + np.arange(len(z))) for z, start in zip(sets, starts, strict=False)]
+    return [
+        replace(closure_set, rows=start + np.arange(len(closure_set)))
+        for closure_set, start in zip(sets, starts, strict=False)
+    ]
 
 
 def _decide_with_factors(
@@ -230,7 +233,7 @@ def _decide_with_factors(
         held = trajectory.subset(nodes[robot])
         solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
         poses[robot] = propagate_to_scans(trajectory, held, replace(held, poses=solved)).poses
-    return np.split(mask, np.cumsum([len(z) for z in sets])[:-1]) if sets else [], poses
+    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], poses
 
 
 def _final_graph(
@@ -278,19 +281,21 @@ def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict
 
 
 # ------------------------------------------------------------------------------------------------------------ reports
-def _verdicts(
-    z: ClosureSet, mask: BoolArray, poses: Mapping[str, FloatArray], closures: Sequence[Closure]
-) -> dict[int, Verdict]:
+def _decisions(
+    closure_set: ClosureSet, mask: BoolArray, poses: Mapping[str, FloatArray], closures: Sequence[Closure]
+) -> dict[int, Decision]:
     """By row of the closure list."""
-    estimated = se3.between(poses[z.robot_a][z.index_a], poses[z.robot_b][z.index_b])
-    error = se3.between(z.T_a_b, estimated)
+    estimated = se3.between(
+        poses[closure_set.robot_a][closure_set.index_a], poses[closure_set.robot_b][closure_set.index_b]
+    )
+    error = se3.between(closure_set.T_a_b, estimated)
     metres = np.linalg.norm(error[:, :3, 3], axis=1)
     degrees = np.degrees(se3.rotation_angle(error))
     return {
-        int(row): Verdict(True, closures[row].reason or "agrees with the estimate")
+        int(row): Decision(True, closures[row].reason or "agrees with the estimate")
         if keep
-        else Verdict(False, f"contradicts the joint estimate, {m:.2f} m and {d:.1f} degrees off it")
-        for row, keep, m, d in zip(z.rows, mask, metres, degrees, strict=True)
+        else Decision(False, f"contradicts the joint estimate, {m:.2f} m and {d:.1f} degrees off it")
+        for row, keep, m, d in zip(closure_set.rows, mask, metres, degrees, strict=True)
     }
 
 

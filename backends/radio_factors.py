@@ -23,7 +23,7 @@ _Error = Callable[[gtsam.CustomFactor, gtsam.Values, list[FloatArray] | None], F
 
 
 def radio_factors(
-    links: Sequence[RadioLinks], trajectories: Mapping[str, Trajectory], keys: Keys
+    radio: Sequence[RadioLinks], trajectories: Mapping[str, Trajectory], keys: Keys
 ) -> list[gtsam.NonlinearFactor]:
     """One factor for each range and each bearing, under a Cauchy kernel: walls lengthen ranges and bend bearings.
 
@@ -32,25 +32,25 @@ def radio_factors(
     kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_WIDTH)
     factors: list[gtsam.NonlinearFactor] = []
 
-    def add(sight: _Sight, noise: gtsam.noiseModel.Gaussian, error: _Error) -> None:
+    def add(sighting: _Sighting, noise: gtsam.noiseModel.Gaussian, error: _Error) -> None:
         robust = gtsam.noiseModel.Robust.Create(kernel, noise)
-        factors.append(gtsam.CustomFactor(robust, [sight.receiver, sight.transmitter], error))
+        factors.append(gtsam.CustomFactor(robust, [sighting.receiver, sighting.transmitter], error))
 
-    for of in links:
-        factors.append(_level(of, trajectories, keys))
-        for row, sight in enumerate(_sights(of, keys)):
-            if np.isfinite(of.range_m[row]):
-                of_range = gtsam.noiseModel.Isotropic.Sigma(1, of.range_sigma_m[row])
-                add(sight, of_range, _range_error(sight, float(of.range_m[row])))
-            if np.isfinite(of.direction[row]).all():
-                across = null_space(of.direction[row][None]).T  # the tangent plane of the direction, (2, 3)
-                of_bearing = gtsam.noiseModel.Gaussian.Covariance(across @ of.direction_covariance[row] @ across.T)
-                add(sight, of_bearing, _bearing_error(sight, across))
+    for links in radio:
+        factors.append(_level(links, trajectories, keys))
+        for row, sighting in enumerate(_sightings(links, keys)):
+            if np.isfinite(links.range_m[row]):
+                of_range = gtsam.noiseModel.Isotropic.Sigma(1, links.range_sigma_m[row])
+                add(sighting, of_range, _range_error(sighting, float(links.range_m[row])))
+            if np.isfinite(links.direction[row]).all():
+                across = null_space(links.direction[row][None]).T  # the tangent plane of the direction, (2, 3)
+                of_bearing = gtsam.noiseModel.Gaussian.Covariance(across @ links.direction_covariance[row] @ across.T)
+                add(sighting, of_bearing, _bearing_error(sighting, across))
     return factors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Sight:
+class _Sighting:
     """From one antenna to another.
 
     Args:
@@ -72,27 +72,27 @@ class _Sight:
         return place - self.arm_receiver, (by_receiver, by_transmitter)
 
 
-def _sights(of: RadioLinks, keys: Keys) -> list[_Sight]:
-    ends_a = zip(keys.all(of.robot_a, of.index_a), of.antenna_a, strict=True)
-    ends_b = zip(keys.all(of.robot_b, of.index_b), of.antenna_b, strict=True)
+def _sightings(links: RadioLinks, keys: Keys) -> list[_Sighting]:
+    ends_a = zip(keys.all(links.robot_a, links.index_a), links.antenna_a, strict=True)
+    ends_b = zip(keys.all(links.robot_b, links.index_b), links.antenna_b, strict=True)
     return [
-        _Sight(a, b, arm_a, arm_b) if receives else _Sight(b, a, arm_b, arm_a)
-        for receives, (a, arm_a), (b, arm_b) in zip(of.a_receives, ends_a, ends_b, strict=True)
+        _Sighting(a, b, arm_a, arm_b) if receives else _Sighting(b, a, arm_b, arm_a)
+        for receives, (a, arm_a), (b, arm_b) in zip(links.a_receives, ends_a, ends_b, strict=True)
     ]
 
 
-def _level(of: RadioLinks, trajectories: Mapping[str, Trajectory], keys: Keys) -> gtsam.NonlinearFactor:
+def _level(links: RadioLinks, trajectories: Mapping[str, Trajectory], keys: Keys) -> gtsam.NonlinearFactor:
     """Between the first keyframes, whose places in the odometry frames are known."""
-    T_odom_first_a, T_odom_first_b = (trajectories[robot].poses[0] for robot in (of.robot_a, of.robot_b))
-    covariance = se3.compose_covariance(of.level, T_odom_first_b, np.zeros((6, 6)))
-    first_to_first = se3.inverse(T_odom_first_a) @ of.T_a_b @ T_odom_first_b
+    T_odom_first_a, T_odom_first_b = (trajectories[robot].poses[0] for robot in (links.robot_a, links.robot_b))
+    covariance = se3.compose_covariance(links.level, T_odom_first_b, np.zeros((6, 6)))
+    first_to_first = se3.inverse(T_odom_first_a) @ links.T_a_b @ T_odom_first_b
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-    return gtsam.BetweenFactorPose3(keys(of.robot_a, 0), keys(of.robot_b, 0), gtsam.Pose3(first_to_first), noise)
+    return gtsam.BetweenFactorPose3(keys(links.robot_a, 0), keys(links.robot_b, 0), gtsam.Pose3(first_to_first), noise)
 
 
-def _range_error(sight: _Sight, range_m: float) -> _Error:
+def _range_error(sighting: _Sighting, range_m: float) -> _Error:
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[FloatArray] | None) -> FloatArray:
-        seen, derivatives = sight.displacement(values)
+        seen, derivatives = sighting.displacement(values)
         distance = max(float(np.linalg.norm(seen)), _NEAREST_M)
         if jacobians is not None:
             jacobians[0], jacobians[1] = ((seen / distance)[None] @ by for by in derivatives)
@@ -101,14 +101,14 @@ def _range_error(sight: _Sight, range_m: float) -> _Error:
     return error
 
 
-def _bearing_error(sight: _Sight, across: FloatArray) -> _Error:
+def _bearing_error(sighting: _Sighting, across: FloatArray) -> _Error:
     """Part of the unit vector to the transmitter that lies across the measured direction.
 
     It vanishes in the opposite direction too: the start has to be on the right side, as the filter's alignment is.
     """
 
     def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[FloatArray] | None) -> FloatArray:
-        seen, derivatives = sight.displacement(values)
+        seen, derivatives = sighting.displacement(values)
         distance = max(float(np.linalg.norm(seen)), _NEAREST_M)
         unit = seen / distance
         if jacobians is not None:

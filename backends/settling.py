@@ -1,8 +1,8 @@
 """Which closures within groups of robots that are joined already are inliers, and the estimate by them.
 
-Odometry is a known inlier.  Graduated non-convexity finds the inliers from any start; then each closure is judged by
-what all others predict, with the covariance of that prediction: a closure that nothing but odometry opposes pulls the
-estimate to itself, and its own residual would not tell.
+Odometry is a known inlier.  Graduated non-convexity finds the inliers from any start; then each closure is checked
+against what all others predict, with the covariance of that prediction: a closure that nothing but odometry opposes
+pulls the estimate to itself, and its own residual would not tell.
 """
 
 from __future__ import annotations
@@ -13,17 +13,16 @@ import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.edges import Edges, System
+from wiclosure.backends.edges import DEGREES, Edges, System
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent
-DEGREES = 6
 REDUNDANCY_FLOOR = 1e-5  # of a closure that nothing checks
 CHECKED = 0.05  # share of an edge's variance that its residual shows: with less, it tells nothing of sigma
-GROWTH = 1.4  # of mu
-MOST_STEPS = 150
-GNC_STEPS = 5  # of Gauss-Newton while mu stays
-ROUNDS = 6
+MU_GROWTH = 1.4  # of mu
+MOST_GNC_STEPS = 150
+NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
+CHECK_ROUNDS = 6
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
 
 
@@ -76,13 +75,13 @@ def graduated(
     if (chi_square <= limit).all():
         return np.ones(len(loops), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_GNC_STEPS):
         weights = _truncated_weights(chi_square, limit, mu)
         if np.isin(weights, (0.0, 1.0)).all():
             break
-        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=GNC_STEPS)
+        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=NEWTON_STEPS)
         chi_square = system.chi_squares(poses)[count:]
-        mu *= GROWTH
+        mu *= MU_GROWTH
     poses = system.solved(poses, np.concatenate([np.ones(count), chi_square <= limit]))
     best = min((poses, plain), key=lambda found: truncated_cost(system.chi_squares(found), count, limit))
     return system.chi_squares(best)[count:] <= limit, best
@@ -115,7 +114,7 @@ def settle(
         odometry: known inliers.
         loops: all closures `(M,)`.
         inlier: those to start with.
-        inside: those whose ends are in one group; no other can be judged.
+        inside: those whose ends are in one group; no other can be checked.
         poses: start, in the groups' frames.
         held: first node of each group.
         limit: squared distance from which a closure is an outlier.
@@ -125,7 +124,7 @@ def settle(
     system = System.of(odometry + loops.subset(rows), len(poses), held)
     noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
-    for step in range(ROUNDS):
+    for step in range(CHECK_ROUNDS):
         weights = np.concatenate([np.ones(count), kept.astype(float)])
         poses = system.solved(poses, weights)
         moved = system.perturbations(poses, weights, noise)
@@ -135,7 +134,7 @@ def settle(
         if drop.any():
             drop &= of_loops >= WORST * of_loops[drop].max()
         admit = ~kept & (of_loops <= limit) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
-        if step == ROUNDS - 1 or not (drop.any() or admit.any()):
+        if step == CHECK_ROUNDS - 1 or not (drop.any() or admit.any()):
             break
         locked += drop
         kept = (kept & ~drop) | admit

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from wiclosure.backends.alignment import Comparison
-from wiclosure.backends.hypotheses import EXPECTED_BY_CHANCE
+from wiclosure.backends.alignment import ClosureComparison
+from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE
 from wiclosure.types import FloatArray
 
 QUANTILES = np.array([0.5, 0.75, 0.9, 0.95])  # of residuals, the most demanding of which counts: tails may be heavy
@@ -32,19 +32,21 @@ def of_residuals(distances: FloatArray) -> float | None:
     return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, 6))))
 
 
-def of_sets(comparisons: Sequence[Comparison], limit: float, most: float) -> float:
+def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float) -> float:
     """The factor, from `least(most)` to `most`, that makes the sets found between robots least likely by chance.
 
     Then the pairs within these sets tell the factor as residuals do.
     """
     steps = int(np.log(most) / np.log(STEP) + 1e-9)
     scales = STEP ** np.arange(-SHRINKS * steps, steps + 1)
-    evidence = [sum(_evidence(of, limit * scale**2) for of in comparisons) for scale in scales]
+    evidence = [sum(_evidence(comparison, limit * scale**2) for comparison in comparisons) for scale in scales]
     if max(evidence) <= 0:
         return 1.0
     rough = float(scales[int(np.argmax(evidence))])
     rare = np.log(EXPECTED_BY_CHANCE / len(scales))  # one of so many scales fits random closures best
-    inside = np.concatenate([_inside(of, limit * rough**2, limit * (2.0 * rough) ** 2, rare) for of in comparisons])
+    inside = np.concatenate(
+        [_inside(comparison, limit * rough**2, limit * (2.0 * rough) ** 2, rare) for comparison in comparisons]
+    )
     fine = of_residuals(inside)
     if fine is None:
         return 1.0
@@ -68,17 +70,17 @@ def least(most: float) -> float:
     return most**-SHRINKS
 
 
-def _evidence(comparison: Comparison, limit: float) -> float:
-    hypotheses = comparison.hypotheses(limit, most=1)
-    return max(0.0, -hypotheses[0].log_chance) if hypotheses else 0.0
+def _evidence(comparison: ClosureComparison, limit: float) -> float:
+    consistent_sets = comparison.consistent_sets(limit, most=1)
+    return max(0.0, -consistent_sets[0].log_chance) if consistent_sets else 0.0
 
 
-def _inside(comparison: Comparison, limit: float, wide: float, rare: float) -> FloatArray:
+def _inside(comparison: ClosureComparison, limit: float, wide: float, rare: float) -> FloatArray:
     """Squared distances between the closures of the largest set, each pair once, if chance does not explain it."""
-    hypotheses = comparison.hypotheses(limit, most=1)
-    if not hypotheses or hypotheses[0].log_chance > rare:
+    consistent_sets = comparison.consistent_sets(limit, most=1)
+    if not consistent_sets or consistent_sets[0].log_chance > rare:
         return np.zeros(0)
-    hypotheses = comparison.hypotheses(wide, most=1)
-    rows = np.flatnonzero(np.isin(comparison.anchors, hypotheses[0].rows))
+    consistent_sets = comparison.consistent_sets(wide, most=1)
+    rows = np.flatnonzero(np.isin(comparison.anchors, consistent_sets[0].rows))
     square = comparison.distances[np.ix_(rows, comparison.anchors[rows])]
     return np.asarray(square[np.triu_indices(len(rows), 1)])

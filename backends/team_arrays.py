@@ -43,15 +43,15 @@ class TeamArrays:
         loops = Edges.stacked(
             [
                 Edges(
-                    offset[z.robot_a] + np.searchsorted(nodes[z.robot_a], z.index_a),
-                    offset[z.robot_b] + np.searchsorted(nodes[z.robot_b], z.index_b),
-                    z.T_a_b,
-                    z.covariance,
+                    offset[closure_set.robot_a] + np.searchsorted(nodes[closure_set.robot_a], closure_set.index_a),
+                    offset[closure_set.robot_b] + np.searchsorted(nodes[closure_set.robot_b], closure_set.index_b),
+                    closure_set.T_a_b,
+                    closure_set.covariance,
                 )
-                for z in sets
+                for closure_set in sets
             ]
         )
-        rows = np.concatenate([np.zeros(0, np.int64), *(z.rows for z in sets)])
+        rows = np.concatenate([np.zeros(0, np.int64), *(closure_set.rows for closure_set in sets)])
         robot = np.repeat(np.arange(len(names)), [len(nodes[name]) for name in names])
         # Each robot from its first pose: far from the origin, as UTM coordinates are, digits would be lost.
         local = [se3.between(trajectories[name].poses[0], trajectories[name].poses[nodes[name]]) for name in names]

@@ -15,7 +15,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.earth_factors import upright
-from wiclosure.backends.factors import anchor, inliers_among, prior, solve
+from wiclosure.backends.factors import anchor, inliers_among, least_squares, prior
 from wiclosure.backends.frames import components, frame_estimates, frame_transform, initial_frames
 from wiclosure.types import BoolArray, EarthMeasurements, FloatArray, Trajectory
 
@@ -35,24 +35,28 @@ def placed_in_two_stages(
     masks: list[BoolArray] = []
     kept: list[ClosureSet] = []
     transforms: list[FloatArray] = []
-    for z in sets:
-        mask, T_a_b = _pair(z, trajectories, settings) if z.between_robots else (np.ones(len(z), bool), np.eye(4))
+    for closure_set in sets:
+        mask, T_a_b = (
+            _pair(closure_set, trajectories, settings)
+            if closure_set.between_robots
+            else (np.ones(len(closure_set), bool), np.eye(4))
+        )
         masks.append(mask)
-        if z.between_robots and mask.any():
-            kept.append(z.subset(np.flatnonzero(mask)))
+        if closure_set.between_robots and mask.any():
+            kept.append(closure_set.subset(np.flatnonzero(mask)))
             transforms.append(T_a_b)
     return masks, _robots(trajectories, kept, transforms, earth)
 
 
 def _pair(
-    z: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PoseGraphSettings
+    closure_set: ClosureSet, trajectories: Mapping[str, Trajectory], settings: PoseGraphSettings
 ) -> tuple[BoolArray, FloatArray]:
     """First stage: `T_a_b` of two odometry frames; each closure measures it directly."""
-    measured = frame_estimates(z, trajectories)
-    to_odom_b = se3.adjoint(trajectories[z.robot_b].poses[z.index_b])
-    covariances = se3.rotate_covariance(to_odom_b, z.covariance)
+    measured = frame_estimates(closure_set, trajectories)
+    to_odom_b = se3.adjoint(trajectories[closure_set.robot_b].poses[closure_set.index_b])
+    covariances = se3.rotate_covariance(to_odom_b, closure_set.covariance)
     factors = [prior(0, T, covariance) for T, covariance in zip(measured, covariances, strict=True)]
-    start = frame_transform(z, trajectories)
+    start = frame_transform(closure_set, trajectories)
     values = gtsam.Values()
     values.insert(0, gtsam.Pose3(start))
     nothing_known = gtsam.NonlinearFactorGraph()
@@ -76,10 +80,10 @@ def _robots(
     for group in components(robots, sets):
         graph.add(anchor(robots.index(group[0]), gtsam.Pose3(frames[group[0]])))
     weight = gtsam.noiseModel.Diagonal.Sigmas(EQUAL_WEIGHT)
-    for z, T_a_b in zip(sets, transforms, strict=True):
-        a, b = robots.index(z.robot_a), robots.index(z.robot_b)
+    for closure_set, T_a_b in zip(sets, transforms, strict=True):
+        a, b = robots.index(closure_set.robot_a), robots.index(closure_set.robot_b)
         graph.add(gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(T_a_b), weight))
     for robot, up in earth.up.items():
         graph.add(upright(robots.index(robot), up))
-    solved = solve(graph, values)
+    solved = least_squares(graph, values)
     return {robot: np.asarray(solved.atPose3(n).matrix()) for n, robot in enumerate(robots)}

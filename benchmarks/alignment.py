@@ -136,8 +136,12 @@ def run(knowledge: str, radio: Radio, trials: int, seed: int, settings: Alignmen
         found += right
         certain += not result.ambiguous
         wrong += not result.ambiguous and not right
-        few += bool(result.rivals)
-        few_wrong += bool(result.rivals) and not right and not any(is_right(other, trial) for other in result.rivals)
+        few += bool(result.likely_alternatives)
+        few_wrong += (
+            bool(result.likely_alternatives)
+            and not right
+            and not any(is_right(other, trial) for other in result.likely_alternatives)
+        )
     return {
         "found": found / trials,
         "certain": certain / trials,

@@ -309,7 +309,7 @@ class Tally:
     near_verified: int = 0
     nees: float = 0.0
 
-    def judge(self, closure: Closure, T_true: FloatArray) -> bool:
+    def count(self, closure: Closure, T_true: FloatArray) -> bool:
         """Counts one; whether it is verified and right."""
         metres, degrees = errors_of(T_true, closure.best_T_query_match)
         wrong = metres > WRONG_M or degrees > WRONG_DEG
@@ -360,9 +360,9 @@ def indoor() -> None:
             registration, tally, found = Registration(), Tally(), set()
             for closure in match(candidates, front.descriptors, front.descriptors, every_place).closures:
                 i, j = closure.query.index, closure.match.index
-                judged = registration.verify(closure, front.clouds[i], front.clouds[j])
+                registered = registration.verify(closure, front.clouds[i], front.clouds[j])
                 T_true = se3.between(front.keyframes.poses[i], front.keyframes.poses[j])
-                if tally.judge(judged, T_true):
+                if tally.count(registered, T_true):
                     found |= {i, j}
             print(f"  {label}: {len(found & places)} of {len(places)} places; {tally}")
 
@@ -427,8 +427,8 @@ def verified(
     for closure in closures:
         clouds: list[Float32Array] = [fronts[k.robot].clouds[k.index] for k in (closure.query, closure.match)]
         measured.append(registration.verify(closure, clouds[0], clouds[1]))
-    for judged in radio_checked(measured, filtered.checks):
-        tally.judge(judged, se3.between(ends[0][judged.query.index], ends[1][judged.match.index]))
+    for registered in radio_checked(measured, filtered.checks):
+        tally.count(registered, se3.between(ends[0][registered.query.index], ends[1][registered.match.index]))
     return tally
 
 

@@ -472,7 +472,7 @@ def make(world: World, fault: Fault, rng: np.random.Generator) -> Case:
     return fault.spoil(Case(world.truth, odometry, listen(world, fault.hearing, rng)), rng)
 
 
-def judge(case: Case, result: FilterResult, fault: Fault, score: Score) -> None:
+def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score) -> None:
     """Adds a trial's outcome."""
     score.named += any(any(word in sentence for word in fault.words) for sentence in result.diagnosis)
     kept = {(p.robot_a, p.robot_b): p for p in result.pairs}
@@ -535,7 +535,7 @@ def main() -> None:
                     score.crashed.append(f"{world} {trial}: {error!r}")
                     continue
                 score.seconds += time.perf_counter() - began
-                judge(case, result, fault, score)
+                count_outcome(case, result, fault, score)
                 trials += 1
         named = f"{score.named / trials:6.0%}" if fault.words else "     -"
         print(

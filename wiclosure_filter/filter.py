@@ -246,7 +246,7 @@ class WiClosureFilter:
         if self.settings.on_ambiguous == "reject":
             return "every pair is rejected"
         if alignment is not None and kept.predicts is PredictionKind.POSE:
-            likely = 1 + len(alignment.rivals)
+            likely = 1 + len(alignment.likely_alternatives)
             return f"{len(kept)} pairs possible under one of {likely} likely alignments are kept"
         known = "" if kept.predicts is None else ", with the relative heading from compasses"
         return f"every pair is kept{known}"

@@ -140,8 +140,8 @@ def _draw_links(
     _road(axes, positions_a, COLOR_A, heard.robot_a)
     _road(axes, positions_b, COLOR_B, heard.robot_b)
     reason = "no alignment" if alignment is None else alignment.reason
-    verdict = "; ambiguous" if alignment is not None and alignment.ambiguous else ""
-    axes.set_title(f"links and alignment{verdict}\n{reason}", fontsize=9)
+    remark = "; ambiguous" if alignment is not None and alignment.ambiguous else ""
+    axes.set_title(f"links and alignment{remark}\n{reason}", fontsize=9)
     axes.legend(fontsize=8)
 
 

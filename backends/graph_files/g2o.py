@@ -70,7 +70,7 @@ ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])  # the files have translation firs
 _SIX = tuple((i, j) for i in range(6) for j in range(i, 6))
 _THREE = tuple((i, j) for i in range(3) for j in range(i, 3))
 _TORO = ((0, 0), (0, 1), (1, 1), (2, 2), (0, 2), (1, 2))
-LAYOUTS = {
+LINE_LAYOUTS = {
     "VERTEX_SE3:QUAT": Layout(1, 7, from_quaternions),
     "EDGE_SE3:QUAT": Layout(2, 7, from_quaternions, _SIX),
     "VERTEX_SE3:EULER": Layout(1, 6, from_euler),
@@ -82,7 +82,7 @@ LAYOUTS = {
     "VERTEX2": Layout(1, 3, from_planar),
     "EDGE2": Layout(2, 3, from_planar, _TORO),
 }
-PLANAR = {tag for tag, layout in LAYOUTS.items() if layout.numbers == 3}
+PLANAR_TAGS = {tag for tag, layout in LINE_LAYOUTS.items() if layout.numbers == 3}
 
 
 def read_text_graph(path: Path, name: str, remarks: Remarks) -> FileRecords:
@@ -95,19 +95,19 @@ def read_text_graph(path: Path, name: str, remarks: Remarks) -> FileRecords:
     rows: dict[str, Rows] = {}
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         tag, *words = line.split() or [""]
-        if tag in LAYOUTS:
+        if tag in LINE_LAYOUTS:
             rows.setdefault(tag, []).append((number, words))
         elif tag:
             _set_aside(records, remarks, number, line)
     lines: list[int] = []
     for tag, of_tag in rows.items():
-        if LAYOUTS[tag].keys == 1:
+        if LINE_LAYOUTS[tag].keys == 1:
             records.vertices += _vertices(path, tag, of_tag)
         else:
             records.edges += _edges(path, tag, of_tag, remarks)
             lines += [number for number, _ in of_tag]
     records.edges = [records.edges[n] for n in np.argsort(lines, kind="stable")]
-    records.planar = bool(rows) and rows.keys() <= PLANAR
+    records.planar = bool(rows) and rows.keys() <= PLANAR_TAGS
     return records
 
 
@@ -138,7 +138,7 @@ def _spans(words: str) -> Iterator[int]:
 
 
 def _vertices(path: Path, tag: str, rows: Rows) -> list[Vertex]:
-    layout = LAYOUTS[tag]
+    layout = LINE_LAYOUTS[tag]
     keys, numbers = _fields(path, tag, rows, (layout.numbers,))
     poses, _ = layout.poses(numbers)
     places = [f"{path}, line {number}" for number, _ in rows]
@@ -146,7 +146,7 @@ def _vertices(path: Path, tag: str, rows: Rows) -> list[Vertex]:
 
 
 def _edges(path: Path, tag: str, rows: Rows, remarks: Remarks) -> Iterator[Edge]:
-    layout = LAYOUTS[tag]
+    layout = LINE_LAYOUTS[tag]
     keys, numbers = _fields(path, tag, rows, (layout.numbers, layout.numbers + len(layout.upper)))
     poses, defects = layout.poses(numbers[:, : layout.numbers])
     stated = np.array([len(words) > 2 + layout.numbers for _, words in rows])
@@ -173,7 +173,7 @@ def _fields(path: Path, tag: str, rows: Rows, counts: Sequence[int]) -> tuple[li
     Raises:
         InputError: a row has another number of words than `counts` allow, or one is no number.
     """
-    n_keys, widest = LAYOUTS[tag].keys, max(counts)
+    n_keys, widest = LINE_LAYOUTS[tag].keys, max(counts)
     keys, numbers = [], np.zeros((len(rows), widest))
     for row, (number, words) in enumerate(rows):
         place = f"{path}, line {number}"

@@ -31,7 +31,7 @@ from wiclosure.types import FloatArray
 Json = Any  # what a file may hold
 RELATIVE_POSES = ("BetweenFactorPose2", "BetweenFactorPose3")
 PRIORS = ("PriorFactorPose2", "PriorFactorPose3")
-UNKNOWN = np.full((4, 4), np.nan)
+NO_POSE = np.full((4, 4), np.nan)
 WXYZ_TO_XYZW = (1, 2, 3, 0)
 
 
@@ -54,7 +54,7 @@ def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
             f"{path} is no JSON Robot Log ({type(error).__name__}: {str(error)[:100]}); expected name, robots,"
             " measurements as in its description"
         ) from error
-    joined = {key: Vertex(key, edge.place, UNKNOWN) for edge in records.edges for key in (edge.first, edge.second)}
+    joined = {key: Vertex(key, edge.place, NO_POSE) for edge in records.edges for key in (edge.first, edge.second)}
     records.vertices += (joined | priors | {vertex.key: vertex for vertex in guesses}).values()
     return records
 

@@ -15,7 +15,7 @@ from wiclosure import se3
 from wiclosure.backends.graph_files.edge_table import EdgeTable
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-NEARLY_ALL = 0.9  # of the consecutive pairs: where so many have an edge, these are the odometry
+ODOMETRY_SHARE = 0.9  # of the consecutive pairs: where so many have an edge, these are the odometry
 REACH = float(np.sqrt(chi2.ppf(0.95, 6)))  # sigmas at which an edge begins to lose its weight
 
 
@@ -56,7 +56,7 @@ def odometry_tree(size: int, edges: EdgeTable) -> OdometryTree:
     """
     step = edges.is_step()
     steps = np.unique(np.minimum(edges.first, edges.second)[step])
-    sure = step if len(steps) >= NEARLY_ALL * (size - 1) else np.zeros(len(edges), bool)
+    sure = step if len(steps) >= ODOMETRY_SHARE * (size - 1) else np.zeros(len(edges), bool)
     rank = np.where(sure, 0, np.where(edges.exact, 1, 2)) + 3 * edges.may_be_false
     kinds = edges.matrix_kinds()
     rare = -np.bincount(kinds, sure)[kinds]  # what few steps state is rather a loop's

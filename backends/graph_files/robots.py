@@ -11,7 +11,7 @@ from wiclosure.backends.graph_files.edge_table import EdgeTable
 from wiclosure.types import BoolArray, IntArray
 
 NEARLY_ALL = 0.9  # of the steps, or poses: what holds for so many is the rule, and the others are exceptions
-CONTRADICTION = float(chi2.isf(1e-6, 6))
+CONTRADICTING_CHI_SQUARE = float(chi2.isf(1e-6, 6))
 FAR_WORSE = 1e3  # times the misfit of the other steps, however wrong the stated sigmas are
 FRAGMENTS = 10  # poses of a robot, on average; less say that the numbers do not follow the robots
 
@@ -61,7 +61,7 @@ def _hold_like_odometry(size: int, edges: EdgeTable) -> bool:
 
 def _from_guesses(size: int, edges: EdgeTable) -> IntArray | None:
     """Trees of edges from which the guesses were made; None if they were made otherwise."""
-    inexact = edges.is_step() & ~edges.exact & (edges.chi_square < CONTRADICTION)
+    inexact = edges.is_step() & ~edges.exact & (edges.chi_square < CONTRADICTING_CHI_SQUARE)
     exceptions = len(_pairs(edges[inexact])) / max(len(_pairs(edges[edges.exact])), 1)
     if exceptions > 1 - NEARLY_ALL or not _hold_like_odometry(size, edges[edges.exact]):
         return None
@@ -82,7 +82,7 @@ def _from_matrices(size: int, edges: EdgeTable) -> IntArray | None:
         return None
     loops = kind[~edges.is_step() & ~usual]
     of_loops = kind == (np.argmax(np.bincount(loops)) if len(loops) else -1)
-    step = edges.is_step() & (edges.chi_square < CONTRADICTION) & ~of_loops
+    step = edges.is_step() & (edges.chi_square < CONTRADICTING_CHI_SQUARE) & ~of_loops
     odometry = edges[usual | step]
     return _components(size, odometry.first, odometry.second)
 
@@ -93,7 +93,7 @@ def _belies_its_neighbours(edges: EdgeTable) -> BoolArray:
     if step.sum() < 3:
         return np.zeros(len(edges), bool)
     usual = float(np.quantile(edges.chi_square[step], NEARLY_ALL, method="lower"))
-    return np.asarray(step & (edges.chi_square > max(CONTRADICTION, FAR_WORSE * usual)))
+    return np.asarray(step & (edges.chi_square > max(CONTRADICTING_CHI_SQUARE, FAR_WORSE * usual)))
 
 
 def _from_chains(size: int, edges: EdgeTable) -> IntArray:

@@ -14,12 +14,12 @@ from pathlib import Path
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan, World
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.report.html import write_run_report
+from wiclosure.pipeline.report.html.report import write_run_report
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
-from wiclosure.pipeline.stages.registrations import Known
-from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.registrations import KnownRegistrations
+from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_folder import write_run
 
 logger = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ def _compare_in(
     for number, configs in enumerate(groups):
         later = firsts[number + 1 :]
         shared = prepare(inputs, firsts[number], cache=cache, jobs=jobs, progress=progress, also=later)
-        known: dict[object, Known] = {}
+        known: dict[object, KnownRegistrations] = {}
         for preset, config in configs.items():
             prepared = replace(shared, config=config, known=known.setdefault(config.registration, {}))
             yield from _compare_filters(prepared, preset, world, plan, folder, progress)
@@ -69,7 +69,7 @@ def _compare_filters(
     for name in sorted(plan.filters, key=lambda name: name == "random"):
         for seed in world.draws if name == "random" else (world.seed,):
             own = replace(prepared, config=_with_random(prepared.config, keep_rate, seed))
-            result = run(own, candidate_filter(name, own.inputs, own.config), progress=progress)
+            result = run_stages(own, candidate_filter(name, own.inputs, own.config), progress=progress)
             if sketches or world is not plan.worlds[0] or preset != next(iter(plan.configs)):
                 result.metrics["peak_rss_mb"] = None
             where = plan.folder(seed, preset) / name

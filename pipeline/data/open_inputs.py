@@ -75,7 +75,7 @@ def _robot_input(dataset: Dataset, robot: str, *, limit: int | None, salvage: bo
     truth = None
     try:
         truth = dataset.ground_truth(robot, salvage=salvage)
-    except InputError as error:  # what only judges a run does not stop it
+    except InputError as error:  # ground truth only evaluates a run, and does not stop it
         remarks.append(f"{robot}: ground truth is left out: {error}")
         logger.warning("%s", remarks[-1])
     return RobotInput(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, ClosureMetrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import CandidatePairs, Closure, FloatArray, Stage, Trajectory, measured_poses, survivors
 
 
@@ -59,16 +61,16 @@ def _pairs_within(position_a: FloatArray, position_b: FloatArray, radius_m: floa
     return int(cKDTree(position_a).count_neighbors(cKDTree(position_b), radius_m))
 
 
-def closure_metrics(closures: Sequence[Closure], judge: ClosureJudge) -> ClosureMetrics:
+def closure_metrics(closures: Sequence[Closure], truth_check: TruthCheck) -> ClosureMetrics:
     """How far the closures of a run came, and which of them are true.
 
     Args:
         closures: every proposed closure with its final decision.
-        judge: tells true from false.
+        truth_check: tells true from false.
     """
     verified, accepted = (survivors(closures, stage) for stage in (Stage.RADIO_CHECK, Stage.ESTIMATE))
-    verified_true, verified_false = judge.count(verified)
-    accepted_true, accepted_false = judge.count(accepted)
+    verified_true, verified_false = truth_check.count(verified)
+    accepted_true, accepted_false = truth_check.count(accepted)
     return {
         "proposed": len(closures),
         "verified": len(verified),
@@ -81,7 +83,7 @@ def closure_metrics(closures: Sequence[Closure], judge: ClosureJudge) -> Closure
 
 
 @dataclass(frozen=True, eq=False)
-class ClosureJudge:
+class TruthCheck:
     """Tells by ground truth which closures are true.
 
     Args:
@@ -97,6 +99,14 @@ class ClosureJudge:
     error_m: float
     error_deg: float
     gap_s: float
+
+    @classmethod
+    def of(
+        cls, settings: EvaluationSettings, keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory]
+    ) -> Self:
+        """With the limits of the settings."""
+        limits = settings.closure_error_m, settings.closure_error_deg, settings.ground_truth_gap_s
+        return cls(keyframes, truth, *limits)
 
     def right(self, closures: Sequence[Closure]) -> tuple[np.ndarray, np.ndarray]:
         """Which of the closures `(N,)` are true, and for which of them ground truth says so."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from wiclosure.pipeline.evaluation.closures import ClosureJudge
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, StageCount
 from wiclosure.types import Closure, FilterResult, Stage, Trajectory, survivors
 
@@ -26,7 +26,7 @@ def funnel(
     filtered: FilterResult,
     closures: Sequence[Closure],
     truth: Mapping[str, Trajectory],
-    judge: ClosureJudge,
+    truth_check: TruthCheck,
 ) -> list[StageCount]:
     """Counts after each of `STAGES`.
 
@@ -35,15 +35,15 @@ def funnel(
         filtered: what the filter left.
         closures: every proposed closure with its final decision.
         truth: ground truth by robot; positions suffice.
-        judge: tells which measured closures are true.
+        truth_check: tells which measured closures are true.
     """
-    near = judge.near(closures, truth, candidates["radius_m"])
+    near = truth_check.near(closures, truth, candidates["radius_m"])
     left = [survivors(closures, stage) for stage in MEASURED.values()]
     rows = [
         (filtered.pairs_total, candidates["true"], candidates["false"]),
         (filtered.pairs_kept, candidates["kept_true"], candidates["kept_false"]),
         (len(closures), *near),
-        *((len(survived), *judge.count(survived)) for survived in left),
+        *((len(survived), *truth_check.count(survived)) for survived in left),
     ]
     return [
         {"stage": stage, "count": count, "true": true, "false": false}

@@ -46,17 +46,17 @@ def trajectory_metrics(
         {"robots": list(group), "ate_m": _rms_of_all(found)}
         for group, found in zip(components, by_component, strict=True)
     ]
-    judged = [part for part in parts if part["ate_m"] is not None]
+    evaluated = [part for part in parts if part["ate_m"] is not None]
     return {
-        "ate_m": _by_team_and_robot(robots, errors, connected=len(judged) == 1),
+        "ate_m": _by_team_and_robot(robots, errors, connected=len(evaluated) == 1),
         "ate_horizontal_m": _by_team_and_robot(
-            robots, {robot: error[:, :2] for robot, error in errors.items()}, connected=len(judged) == 1
+            robots, {robot: error[:, :2] for robot, error in errors.items()}, connected=len(evaluated) == 1
         ),
         "ate_own_m": {name: _rms_of_all(joint_errors([robot])) for name, robot in robots.items()},
         "components": parts,
         "rpe": {name: relative_errors(robot, rpe_distance_m) for name, robot in robots.items() if len(robot)},
         "alignment": _between_robots(robots, components, alignments),
-        "diagnosis": [*oriented.remarks, *_remarks(robots, judged, oriented.truth)],
+        "diagnosis": [*oriented.remarks, *_remarks(robots, evaluated, oriented.truth)],
     }
 
 
@@ -108,7 +108,7 @@ def _between_robots(
 
 
 def _remarks(
-    robots: Mapping[str, Matched], judged: Sequence[ComponentMetrics], truth: Mapping[str, Trajectory]
+    robots: Mapping[str, Matched], evaluated: Sequence[ComponentMetrics], truth: Mapping[str, Trajectory]
 ) -> list[str]:
     """What the numbers leave out, in sentences."""
     remarks = []
@@ -118,8 +118,8 @@ def _remarks(
             remarks.append(f"no ground truth for {', '.join(lacking)}: no errors are given there")
         if elsewhere := [name for name in missing if name in truth]:
             remarks.append(f"ground truth of {', '.join(elsewhere)} does not overlap with the recording in time")
-    if len(judged) > 1:
-        groups = "; ".join(f"{' and '.join(part['robots'])} {part['ate_m']:.2f} m" for part in judged)
+    if len(evaluated) > 1:
+        groups = "; ".join(f"{' and '.join(part['robots'])} {part['ate_m']:.2f} m" for part in evaluated)
         remarks.append(
             f"no team ATE, because the robots are not all connected; each group aligned on its own: {groups}"
         )

@@ -46,7 +46,7 @@ class PairOutcome:
 
     Args:
         pair: the robots.
-        kept: pairs that the filter kept, with its predictions.
+        inliers: pairs that the filter kept, with its predictions.
         registered: closures as registration left them.
         checked: the same as the radio check left them.
     """
@@ -63,14 +63,14 @@ class PairOutcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class PairCheck:
     """What came of two robots that radio and closures tell differently of.
 
     Args:
         pair: the robots.
         weighed: the verdict; None where no set of closures contradicts the radio.
         blind: closures that were registered without prediction.
-        lost: closures of the first round that are not believed.
+        lost: closures of the first round that are rejected.
         sentence: for the user; empty where there is nothing to say.
     """
 
@@ -86,13 +86,13 @@ class Judged:
         return self.weighed is not None and self.weighed.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
 
 
-def judge(
+def check_pair(
     outcome: PairOutcome,
     trajectories: Mapping[str, Trajectory],
     wireless: WirelessLog,
     config: Config,
     register_blindly: RegisterBlindly,
-) -> Judged:
+) -> PairCheck:
     """Looks for a set of closures that contradicts the radio, and weighs the two.
 
     Args:
@@ -104,14 +104,14 @@ def judge(
     """
     both = {robot: trajectories[robot] for robot in outcome.pair}
     radio = PairRadio.of(outcome.pair, both, wireless, config.filter.alignment)
-    nothing = Judged(outcome.pair)
+    nothing = PairCheck(outcome.pair)
     if radio.measurements == 0:
         return nothing
     found = _found(outcome, both, config, register_blindly)
     if len(found.agreeing) < 2:
         return nothing
     if found.gap is not None and not found.gap.contradicts:
-        return Judged(outcome.pair, None, tuple(c for c in found.blind if c.live))
+        return PairCheck(outcome.pair, None, tuple(c for c in found.blind if c.live))
     middle = [central(found.agreeing, both)]
     claimed = radio.claimed(middle)
     agrees = found.gap is None and agrees_with_radio(claimed)
@@ -121,9 +121,9 @@ def judge(
     weighed = weigh(claimed, errors, closures, predicted, refuted, config.mutual_check)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
-    believed = outcome.live if weighed.verdict is Verdict.RADIO else ()
-    lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(believed))
-    return Judged(outcome.pair, weighed, found.blind, lost, _sentence(outcome.pair, weighed, closures, found.gap))
+    inliers = outcome.live if weighed.verdict is Verdict.RADIO else ()
+    lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(inliers))
+    return PairCheck(outcome.pair, weighed, found.blind, lost, _sentence(outcome.pair, weighed, closures, found.gap))
 
 
 @dataclass(frozen=True, eq=False)

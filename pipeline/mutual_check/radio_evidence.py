@@ -16,7 +16,7 @@ from wiclosure.wiclosure_filter.alignment.consensus import consensus
 from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.faults.corrections import Inputs
+from wiclosure.wiclosure_filter.faults.corrections import RadioInputs
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -104,7 +104,9 @@ class PairRadio:
         fault = reading.corrections[best].fault
         return Explained(fault, float(logsumexp(implied)) - sizes, float(free[best]), float(chosen[best]) + sizes)
 
-    def _evidence(self, inputs: Inputs, closures: Sequence[Closure], *, search: bool) -> tuple[float, float, float]:
+    def _evidence(
+        self, inputs: RadioInputs, closures: Sequence[Closure], *, search: bool
+    ) -> tuple[float, float, float]:
         """Log-evidence of a log: implied, and free or minus infinity with what it was chosen from."""
         trajectories, log = inputs
         links = self._links(trajectories, log)

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol, TypeVar
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 
 class Progress(Protocol):
     """Shows how far long work is."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items, shown as they pass."""
         ...
 
@@ -24,7 +24,7 @@ class Progress(Protocol):
 class NoProgress:
     """Shows nothing."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items."""
         return iter(items)
 

@@ -11,7 +11,7 @@ from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import Judged, PairOutcome, judge
+from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair
 from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
@@ -51,31 +51,31 @@ class Attempts:
     filter_s: list[float] = field(default_factory=list)
     blind_s: list[float] = field(default_factory=list)
 
-    def settled(self, wireless: WirelessLog) -> tuple[Attempt, list[Judged]]:
+    def settled(self, wireless: WirelessLog) -> tuple[Attempt, list[PairCheck]]:
         """The last attempt, and what was found of pairs of robots on the way."""
-        attempt, judged = self._attempt(wireless), dict[tuple[str, str], Judged]()
+        attempt, checks = self._attempt(wireless), dict[tuple[str, str], PairCheck]()
         while self.config.mutual_check.enabled:
-            heard = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments} - set(judged)
+            heard = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments} - set(checks)
             with self.took.time("check"):
                 found = [
-                    self._judged(attempt.of(p), wireless)
+                    self._checked(attempt.of(p), wireless)
                     for p in attempt.filtered.pairs
                     if (p.robot_a, p.robot_b) in heard
                 ]
-            judged |= {one.pair: one for one in found}
+            checks |= {one.pair: one for one in found}
             dropped = [one.pair for one in found if one.drops_radio]
             if not dropped:
                 break
             wireless = _without(wireless, dropped)
             attempt = self._attempt(wireless)
         closures = attempt.closures
-        for one in judged.values():
-            closures = _as_judged(closures, one)
-        filtered = replace(attempt.filtered, diagnosis=_without_dropped(attempt.filtered.diagnosis, judged.values()))
-        return replace(attempt, filtered=filtered, closures=closures), list(judged.values())
+        for one in checks.values():
+            closures = _as_checked(closures, one)
+        filtered = replace(attempt.filtered, diagnosis=_without_dropped(attempt.filtered.diagnosis, checks.values()))
+        return replace(attempt, filtered=filtered, closures=closures), list(checks.values())
 
-    def _judged(self, outcome: PairOutcome, wireless: WirelessLog) -> Judged:
-        return judge(outcome, self.keyframes, wireless, self.config, self._registered_blindly)
+    def _checked(self, outcome: PairOutcome, wireless: WirelessLog) -> PairCheck:
+        return check_pair(outcome, self.keyframes, wireless, self.config, self._registered_blindly)
 
     def _registered_blindly(self, pair: tuple[str, str], also: Sequence[Closure]) -> list[Closure]:
         proposed = unpredicted(pair, also, self.fronts, self.config.matching, self.config.mutual_check.budget)
@@ -113,9 +113,9 @@ class Attempts:
         }
 
 
-def _without_dropped(diagnosis: Sequence[str], judged: Iterable[Judged]) -> tuple[str, ...]:
-    """Without what the filter says of robots whose measurements it was not given: why, the judgement says."""
-    dropped = tuple(f"{a} and {b}: " for a, b in (one.pair for one in judged if one.drops_radio))
+def _without_dropped(diagnosis: Sequence[str], checks: Iterable[PairCheck]) -> tuple[str, ...]:
+    """Without what the filter says of robots whose measurements it was not given: why, the check says."""
+    dropped = tuple(f"{a} and {b}: " for a, b in (one.pair for one in checks if one.drops_radio))
     return tuple(sentence for sentence in diagnosis if not sentence.startswith(dropped))
 
 
@@ -126,19 +126,19 @@ def _without(wireless: WirelessLog, pairs: Sequence[tuple[str, str]]) -> Wireles
     return replace(wireless, measurements=left)
 
 
-def _as_judged(closures: Sequence[Closure], judged: Judged) -> tuple[Closure, ...]:
+def _as_checked(closures: Sequence[Closure], check: PairCheck) -> tuple[Closure, ...]:
     """With the closures that were registered without prediction, and without those that lost."""
-    if judged.drops_radio:
+    if check.drops_radio:
         return tuple(closures)
     known = {(c.query, c.match) for c in closures if c.live}
-    blind = [c for c in judged.blind if c.live and (c.query, c.match) not in known]
+    blind = [c for c in check.blind if c.live and (c.query, c.match) not in known]
     replaced = {(c.query, c.match) for c in blind}
     left = [c for c in closures if (c.query, c.match) not in replaced]
-    if judged.weighed is None:
+    if check.weighed is None:
         return (*left, *(c.accepted(Stage.RADIO_CHECK) for c in blind))
-    lost = {*replaced, *judged.lost}
+    lost = {*replaced, *check.lost}
     return tuple(
-        c.rejected(Stage.RADIO_CHECK, judged.sentence) if c.live and (c.query, c.match) in lost else c
+        c.rejected(Stage.RADIO_CHECK, check.sentence) if c.live and (c.query, c.match) in lost else c
         for c in (*left, *blind)
     )
 

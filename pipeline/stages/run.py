@@ -15,48 +15,20 @@ from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
-from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics
+from wiclosure.pipeline.evaluation.metrics import CostMetrics
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.earth import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
-from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
-from wiclosure.pipeline.stages.solve import Solution, solve
-from wiclosure.types import KeyframeId, Trajectory
+from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
+from wiclosure.pipeline.stages.solve import solve
+from wiclosure.types import KeyframeId
 from wiclosure.wiclosure_filter.registry import make_filter
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """Everything that a run found; `wiclosure.pipeline.stages.run_folder` writes it.
-
-    Args:
-        config: what it ran with.
-        inputs: what it read.
-        fronts: odometry, keyframes, descriptors by robot.
-        solution: candidates, closures, graph.
-        merged: pose of every scan at its own stamp by robot, in the world of its component.
-        merged_map: the keyframes' clouds of the first robot's component in one frame.
-        metrics: all figures.
-        grounding: what is known of the Earth; `fronts` are its own.
-    """
-
-    config: Config
-    inputs: Inputs
-    fronts: dict[str, FrontEndResult]
-    solution: Solution
-    merged: dict[str, Trajectory]
-    merged_map: MergedMap
-    metrics: Metrics
-    grounding: Grounding = field(default_factory=Grounding)
-
-    def __repr__(self) -> str:
-        name = self.solution.filtered.filter_name
-        return f"RunResult({name!r}, {', '.join(self.merged)}, {self.solution.graph!r}, {self.merged_map!r})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +50,7 @@ class Prepared:
     config: Config
     grounding: Grounding
     from_cache: tuple[str, ...]
-    known: Known = field(default_factory=dict)
+    known: KnownRegistrations = field(default_factory=dict)
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
@@ -119,7 +91,7 @@ def prepare(
     return Prepared(inputs, config, grounded(fronts, inputs, config.earth), from_cache, cache=cache, jobs=jobs)
 
 
-def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
+def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
     """Filters, matches, registers, optimises, maps and evaluates."""
     inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}

@@ -22,7 +22,7 @@ from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.pipeline.stages.closures_csv import write_closures
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Trajectory
 
 

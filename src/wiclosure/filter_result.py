@@ -102,8 +102,8 @@ class FrameAlignment:
         covariance: `(6, 6)` of `best.T_a_b`, or None.
         ambiguous: true where the alignment must not be used to prune.
         reason: one sentence that says why, or what carries the alignment.
-        runner_up: the best *different* alignment, or None.
-        rivals: where the doubt is between a few clear alignments, those that are likely besides `best`.
+        best_alternative: the best *different* alignment, or None.
+        likely_alternatives: where the doubt is between a few clear alignments, those that are likely besides `best`.
         heading_knowledge: `heading`, `reciprocal`, `one-way`, `range-only` or `none`.
     """
 
@@ -113,9 +113,9 @@ class FrameAlignment:
     covariance: FloatArray | None
     ambiguous: bool
     reason: str
-    runner_up: AlignmentHypothesis | None = None
+    best_alternative: AlignmentHypothesis | None = None
     heading_knowledge: str = "none"
-    rivals: tuple[AlignmentHypothesis, ...] = ()
+    likely_alternatives: tuple[AlignmentHypothesis, ...] = ()
     fit: AlignmentFit | None = None
     suspected_fault: str = ""
     calibration: tuple[Calibration, ...] = ()

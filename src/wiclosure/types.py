@@ -1,4 +1,4 @@
-"""The nouns that all rooms share, and the one place to import them from.
+"""The nouns that all packages share, and the one place to import them from.
 
 Frozen dataclasses that validate shapes and values when made.  `T_a_b` maps points of frame b into frame a; x forward, y
 left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors and covariances are ordered

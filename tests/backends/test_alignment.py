@@ -6,7 +6,7 @@ from scipy.stats import binom, chi2
 
 from wiclosure import se3
 from wiclosure.backends import alignment
-from wiclosure.backends.alignment import FEW, Comparison, Hypothesis
+from wiclosure.backends.alignment import FEW, ClosureComparison, ConsistentSet
 from wiclosure.backends.claims import Claims
 
 SIGMA = np.repeat([0.01, 0.1], 3)
@@ -24,11 +24,11 @@ def compared(rng, sizes, *, unrelated=0, noise=1.0):
     T = np.concatenate([T, se3.from_yaw(rng.uniform(-3, 3, unrelated), rng.normal(0, 5, (unrelated, 3)))])
     T = T @ se3.exp(noise * rng.normal(size=(n, 6)) * SIGMA)
     rigid = np.zeros((n, 6, 100))
-    return Comparison.of(Claims(T_a, T_b, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), rigid, rigid), LIMIT)
+    return ClosureComparison.of(Claims(T_a, T_b, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), rigid, rigid), LIMIT)
 
 
 def test_the_two_sets_are_found_whole_and_the_larger_first():
-    found = compared(np.random.default_rng(0), (6, 9), unrelated=20, noise=0.3).hypotheses(LIMIT)
+    found = compared(np.random.default_rng(0), (6, 9), unrelated=20, noise=0.3).consistent_sets(LIMIT)
     assert found[0].rows.tolist() == list(range(6, 15))
     assert found[1].rows.tolist() == list(range(6))
     assert all(h.medoid in h.rows for h in found)
@@ -37,22 +37,22 @@ def test_the_two_sets_are_found_whole_and_the_larger_first():
 
 def test_chance_explains_unrelated_closures_and_no_true_set():
     rng = np.random.default_rng(1)
-    true, false = (compared(rng, sizes, unrelated=n).hypotheses(LIMIT) for sizes, n in (((10,), 20), ((), 30)))
+    true, false = (compared(rng, sizes, unrelated=n).consistent_sets(LIMIT) for sizes, n in (((10,), 20), ((), 30)))
     assert true[0].log_chance < np.log(1e-6)
     assert all(h.log_chance > np.log(0.005) for h in false)
 
 
 def test_no_closure_is_in_two_sets():
     rows = np.concatenate(
-        [h.rows for h in compared(np.random.default_rng(2), (5, 5, 5), unrelated=9).hypotheses(LIMIT)]
+        [h.rows for h in compared(np.random.default_rng(2), (5, 5, 5), unrelated=9).consistent_sets(LIMIT)]
     )
     assert len(np.unique(rows)) == len(rows)
 
 
 def test_of_few_closures_each_may_be_a_set_of_its_own():
-    found = compared(np.random.default_rng(3), (), unrelated=FEW).hypotheses(LIMIT)
+    found = compared(np.random.default_rng(3), (), unrelated=FEW).consistent_sets(LIMIT)
     assert sorted(h.rows.tolist() for h in found) == [[n] for n in range(FEW)]
-    mixed = compared(np.random.default_rng(3), (FEW - 1,), unrelated=1, noise=0.3).hypotheses(LIMIT)
+    mixed = compared(np.random.default_rng(3), (FEW - 1,), unrelated=1, noise=0.3).consistent_sets(LIMIT)
     assert [h.rows.tolist() for h in mixed] == [[0, 1, 2], [3]]
 
 
@@ -60,10 +60,10 @@ def test_closures_that_are_no_anchors_belong_as_well(monkeypatch):
     monkeypatch.setattr(alignment, "ANCHORS", 10)
     comparison = compared(np.random.default_rng(4), (30,), noise=0.3)
     assert comparison.distances.shape == (10, 30)
-    assert comparison.hypotheses(LIMIT)[0].rows.tolist() == list(range(30))
+    assert comparison.consistent_sets(LIMIT)[0].rows.tolist() == list(range(30))
 
 
 def test_the_chance_is_the_binomial_tail_times_the_closures_it_may_start_from():
-    of = Hypothesis(np.arange(4), 0, 0.1, 10)
+    of = ConsistentSet(np.arange(4), 0, 0.1, 10)
     assert of.log_chance == pytest.approx(np.log(10 * sum(binom.pmf(k, 9, 0.1) for k in range(3, 10))))
-    assert Hypothesis(np.arange(1), 0, 0.1, 10).log_chance == pytest.approx(np.log(10))
+    assert ConsistentSet(np.arange(1), 0, 0.1, 10).log_chance == pytest.approx(np.log(10))

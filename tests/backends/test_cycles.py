@@ -24,12 +24,12 @@ def random_closures(team, n, rng, *, noise=None):
 
 
 def cycles_of(closures, odometry):
-    (z,), _ = closure_sets(closures, odometry, EXACT)
-    return Cycles.of(z, odometry)
+    (closure_set,), _ = closure_sets(closures, odometry, EXACT)
+    return Cycles.of(closure_set, odometry)
 
 
 def all_squared(cycles):
-    everyone = np.arange(len(cycles.z))
+    everyone = np.arange(len(cycles.closure_set))
     return np.stack([cycles.mahalanobis_squared(row, everyone) for row in everyone])
 
 
@@ -66,16 +66,20 @@ def test_sigma_is_the_four_covariances_composed_along_the_cycle(team_maker, seed
     drift = DriftModel(rotation_bias=bias, translation_bias=10 * bias)
     odometry = {r: replace(t, drift=drift) for r, t in team.odometry.items()}
     cycles = cycles_of([team.closure(("alpha", 5), ("beta", 40)), team.closure(("alpha", 50), ("beta", 9))], odometry)
-    z, (i, j), (k, m) = cycles.z, cycles.z.index_a[:, None], cycles.z.index_b[:, None]
-    a, b = odometry[z.robot_a], odometry[z.robot_b]
+    closure_set, (i, j), (k, m) = (
+        cycles.closure_set,
+        cycles.closure_set.index_a[:, None],
+        cycles.closure_set.index_b[:, None],
+    )
+    a, b = odometry[closure_set.robot_a], odometry[closure_set.robot_b]
     x_ij, x_lk = a.relative_pose(i, j), b.relative_pose(m, k)
-    sigma = se3.inverse_covariance(z.T_a_b[:1], z.covariance[:1])
+    sigma = se3.inverse_covariance(closure_set.T_a_b[:1], closure_set.covariance[:1])
     sigma = se3.compose_covariance(sigma, x_ij, a.relative_covariance(i, j))
-    sigma = se3.compose_covariance(sigma, z.T_a_b[1:], z.covariance[1:])
+    sigma = se3.compose_covariance(sigma, closure_set.T_a_b[1:], closure_set.covariance[1:])
     sigma = se3.compose_covariance(sigma, x_lk, b.relative_covariance(m, k))
     off = rng.normal(size=6) * np.repeat([1e-5, 1e-4], 3)  # the cycle is off by this: little, for the first order
-    spoiled = replace(z, T_a_b=np.stack([z.T_a_b[0] @ se3.exp(-off), z.T_a_b[1]]))
-    found = replace(cycles, z=spoiled).mahalanobis_squared(0, np.array([1]))
+    spoiled = replace(closure_set, T_a_b=np.stack([closure_set.T_a_b[0] @ se3.exp(-off), closure_set.T_a_b[1]]))
+    found = replace(cycles, closure_set=spoiled).mahalanobis_squared(0, np.array([1]))
     np.testing.assert_allclose(found, mahalanobis_squared(off[None], sigma), rtol=0.002)
 
 

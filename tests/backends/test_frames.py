@@ -47,9 +47,11 @@ def test_exact_closures_give_the_frames_back(team_maker, seed):
     frames = initial_frames(team.odometry, sets)
     for robot in team.odometry:
         np.testing.assert_allclose(frames[robot], true_frame(team, "alpha", robot), atol=1e-6)
-    for z in sets:
-        expected = true_frame(team, z.robot_a, z.robot_b)
-        np.testing.assert_allclose(frame_estimates(z, team.odometry), np.tile(expected, (len(z), 1, 1)), atol=1e-6)
+    for closure_set in sets:
+        expected = true_frame(team, closure_set.robot_a, closure_set.robot_b)
+        np.testing.assert_allclose(
+            frame_estimates(closure_set, team.odometry), np.tile(expected, (len(closure_set), 1, 1)), atol=1e-6
+        )
 
 
 @settings(max_examples=15)
@@ -58,9 +60,9 @@ def test_three_in_four_false_closures_do_not_move_a_frame(team_maker, seed):
     team = team_maker(seed)
     rng = np.random.default_rng(seed)
     true, false = ([("alpha", i, "beta", j) for i, j in rng.integers(0, 60, (n, 2))] for n in (6, 18))
-    (z,) = sets_of(team, true, false, seed)
-    expected = true_frame(team, z.robot_a, z.robot_b)
-    np.testing.assert_allclose(frame_transform(z, team.odometry), expected, atol=1e-6)
+    (closure_set,) = sets_of(team, true, false, seed)
+    expected = true_frame(team, closure_set.robot_a, closure_set.robot_b)
+    np.testing.assert_allclose(frame_transform(closure_set, team.odometry), expected, atol=1e-6)
 
 
 def test_the_best_supported_pairs_decide_where_there_is_a_choice(team_maker):

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
-from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.alignment import ClosureComparison
+from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.claims import Claims
 from wiclosure.backends.edges import Edges
-from wiclosure.backends.hypotheses import Candidate
 from wiclosure.backends.joining import joined_groups
 from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
@@ -38,10 +38,12 @@ class Four:
         T_a_b = se3.between(self.T_world_group[a], self.T_world_group[b]) @ (np.eye(4) if shift is None else shift)
         still = np.zeros((size, 6, 100))
         covariance = np.tile(np.diag(SIGMA**2), (size, 1, 1))
-        comparison = Comparison.of(Claims(T_a, T_b, se3.between(T_a, T_a_b @ T_b), covariance, still, still), LIMIT)
+        comparison = ClosureComparison.of(
+            Claims(T_a, T_b, se3.between(T_a, T_a_b @ T_b), covariance, still, still), LIMIT
+        )
         rows = np.arange(self.row, self.row + size)
         self.row += size
-        return Candidate(a, b, rows, comparison.hypotheses(LIMIT)[0], comparison)
+        return CandidateSet(a, b, rows, comparison.consistent_sets(LIMIT)[0], comparison)
 
     def joined(self, *holding):
         return joined_groups(self.robots, np.arange(4), self.settled, holding, LIMIT)

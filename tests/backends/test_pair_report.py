@@ -26,7 +26,7 @@ def test_figures_of_a_report_are_those_of_the_closures(team_maker, settings):
     assert isinstance(pair, PairConsistency)
     assert {pair.robot_a, pair.robot_b} == {"alpha", "beta"}
     assert (pair.considered, pair.kept, pair.largest) == (6, 5, 5)
-    assert pair.rival < pair.largest
+    assert pair.contradicting < pair.largest
     assert pair.proven
     assert not pair.ambiguous
     assert [c.live for c in result.closures[:6]] == [True] * 5 + [False]

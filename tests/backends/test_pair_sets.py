@@ -76,7 +76,7 @@ def test_claims_run_from_the_lower_to_the_higher_group_whichever_way_closures_do
 
 def test_closures_all_over_both_paths_leave_no_doubt():
     (found,) = sets(spread(8))
-    assert (found.a, found.b, len(found), found.doubt) == (0, 1, 8, "")
+    assert (found.a, found.b, len(found), found.objection) == (0, 1, 8, "")
     assert found.holds
 
 
@@ -86,21 +86,21 @@ def test_closures_of_one_place_are_doubted_unless_predicted():
     (alone,), (told,) = sets(ends, shift=range(4)), sets(ends, shift=range(4), predicted=[2])
     assert len(alone) == len(told) == 4
     assert alone.extent < 1.0
-    assert "look-alike" in alone.doubt
-    assert told.doubt == ""
+    assert "look-alike" in alone.objection
+    assert told.objection == ""
 
 
 @pytest.mark.parametrize(("shifted", "doubted"), [(6, [True, True]), (3, [False, True])])
 def test_a_set_that_contradicts_another_leaves_both_open_if_it_is_as_large(shifted, doubted):
     found = sets(spread(7 + shifted, 4), shift=range(7, 7 + shifted))
     assert [len(c) for c in found] == [7, shifted]
-    assert [bool(c.doubt) for c in found] == doubted
-    assert ("ambiguous" if all(doubted) else "inconsistent with the 7 closures") in found[1].doubt
+    assert [bool(c.objection) for c in found] == doubted
+    assert ("ambiguous" if all(doubted) else "inconsistent with the 7 closures") in found[1].objection
 
 
 def test_a_single_closure_cannot_be_checked():
     (found,) = sets(spread(1))
-    assert found.doubt == "a single closure cannot be checked"
+    assert found.objection == "a single closure cannot be checked"
 
 
 def test_rows_are_those_of_all_closures():

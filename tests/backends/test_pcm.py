@@ -47,8 +47,8 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
     ]
     matrices = []
     for version in (closures, turned):
-        (z,), _ = closure_sets(version, team.odometry, EXACT)
-        matrices.append(consistency_matrix(z, team.odometry, PcmSettings()))
+        (closure_set,), _ = closure_sets(version, team.odometry, EXACT)
+        matrices.append(consistency_matrix(closure_set, team.odometry, PcmSettings()))
     np.testing.assert_array_equal(*matrices)
 
 
@@ -104,7 +104,7 @@ def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_make
         shifted[n] = team.remeasured(c, T_query_match=se3.between(query, match))
     closures = random_closures(team, 5, rng) + shifted
     result = pairwise_consistent(closures, team.odometry, PcmSettings())
-    assert result.pairs[0].rival == result.pairs[0].largest == 5
+    assert result.pairs[0].contradicting == result.pairs[0].largest == 5
     assert "ambiguous" in result.diagnosis[0]
     assert all(c.rejected_at is Stage.CONSISTENCY for c in result.closures)
     assert pairwise_consistent(closures, team.odometry, PcmSettings(method="clique")).pairs[0].kept == 5
@@ -124,7 +124,7 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
         for c in random_closures(team, shifted, rng)
     ]
     pair = pairwise_consistent(random_closures(team, 8, rng) + false, team.odometry, PcmSettings()).pairs[0]
-    assert (pair.largest, pair.rival, pair.kept, pair.ambiguous) == (8, shifted, 8 * believed, not believed)
+    assert (pair.largest, pair.contradicting, pair.kept, pair.ambiguous) == (8, shifted, 8 * believed, not believed)
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends import sigma_scale
-from wiclosure.backends.alignment import Comparison
+from wiclosure.backends.alignment import ClosureComparison
 from wiclosure.backends.claims import Claims
 
 SIGMA = np.repeat([0.01, 0.1], 3)
@@ -22,7 +22,7 @@ def comparison(seed, factor, true=30, false=10):
     T[true:] = se3.from_yaw(rng.uniform(-3, 3, false), rng.normal(0, 5, (false, 3)))
     still = np.zeros((n, 6, 100))
     claims = Claims(T_a, T_b, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), still, still)
-    return Comparison.of(claims, LIMIT * (2.0 * MOST) ** 2)
+    return ClosureComparison.of(claims, LIMIT * (2.0 * MOST) ** 2)
 
 
 @pytest.mark.parametrize("factor", [0.2, 1.0, 5.0])

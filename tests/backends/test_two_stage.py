@@ -23,8 +23,8 @@ def placed(team, found, settings=GNC):
     sets, _ = closure_sets(found, team.odometry, STATED)
     masks, frames = placed_in_two_stages(team.odometry, sets, settings)
     inlier = np.zeros(len(found), bool)
-    for z, mask in zip(sets, masks, strict=True):
-        inlier[z.rows] = mask
+    for closure_set, mask in zip(sets, masks, strict=True):
+        inlier[closure_set.rows] = mask
     return inlier, frames
 
 

@@ -34,7 +34,7 @@ def test_a_summary_survives_json_with_all_digits():
     assert found["paths_kept"] == [[0, 2], [4, -1]]
     assert found["heading_knowledge"] == "one-way"
     np.testing.assert_array_equal(np.reshape(found["runner_up"]["T_a_b"], (4, 4)), other.T_a_b)
-    assert [rival["log_likelihood"] for rival in found["rivals"]] == [-5.0]
+    assert [alternative["log_likelihood"] for alternative in found["rivals"]] == [-5.0]
 
 
 def test_where_nothing_aligns_there_is_null():

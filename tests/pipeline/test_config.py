@@ -46,6 +46,7 @@ def test_every_preset_is_valid(name: str) -> None:
     [
         (["keyframes.distanse_m=2"], r"unknown .* keyframes\.distanse_m in --set; did you mean keyframes\.distance_m"),
         (["keyframe.distance_m=2"], r"did you mean keyframes\?"),
+        (["pcm.rival_share=0.8"], r"did you mean pcm\.ambiguous_share\?"),
         (["keyframes.distance_m=-2"], r"keyframes\.distance_m = -2 in --set: input should be greater than 0"),
         (["keyframes.distance_m=far"], r"keyframes\.distance_m = 'far'"),
         (["keyframes.distance_m=.nan"], r"keyframes\.distance_m = nan"),

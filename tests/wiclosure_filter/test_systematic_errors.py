@@ -22,7 +22,7 @@ def scored(fault: systematic.Fault, worlds: tuple[str, ...]) -> systematic.Score
             rng = np.random.default_rng([40, number, trial])
             case = systematic.make(systematic.WORLDS[world](fault.robots, rng), fault, rng)
             result = systematic.WiClosureFilter().candidates(case.odometry, case.log)
-            systematic.judge(case, result, fault, score)
+            systematic.count_outcome(case, result, fault, score)
     return score
 
 

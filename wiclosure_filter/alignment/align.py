@@ -10,7 +10,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.ambiguity import Verdict, assess, unobservable
+from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, unobservable
 from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
 from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
 from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
@@ -55,17 +55,17 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         chosen = _level(found, links, problem.odometry, settings)
     else:
         chosen = _in_space(found, links, settings)
-    reason = chosen.doubts[0] if chosen.doubts else chosen.support
+    reason = chosen.objections[0] if chosen.objections else chosen.support
     return FrameAlignment(
         robot_a=links.robot_a,
         robot_b=links.robot_b,
         best=chosen.best.hypothesis,
         covariance=chosen.best.covariance,
-        ambiguous=bool(chosen.doubts),
+        ambiguous=bool(chosen.objections),
         reason="; ".join((reason, *links.left_out)),
-        runner_up=chosen.others[0] if chosen.others else None,
+        best_alternative=chosen.others[0] if chosen.others else None,
         heading_knowledge=knowledge,
-        rivals=chosen.others if chosen.likely else (),
+        likely_alternatives=chosen.others if chosen.likely else (),
         fit=chosen.fit.by_time,
         suspected_fault=chosen.fault,
         calibration=chosen.best.calibration,
@@ -81,7 +81,7 @@ class _Chosen:
         best: as it is reported.
         others: different ones, the best first.
         fit: how well it explains the measurements.
-        doubts: what forbids to call it certain, the gravest first.
+        objections: what forbids to call it certain, the gravest first.
         fault: a systematic error that the measurements speak of, or an empty string.
         support: what carries it.
         likely: whether the different ones are the only others that are likely.
@@ -90,7 +90,7 @@ class _Chosen:
     best: _Followed
     others: tuple[AlignmentHypothesis, ...]
     fit: Fit
-    doubts: tuple[str, ...]
+    objections: tuple[str, ...]
     fault: str
     support: str
     likely: bool
@@ -98,54 +98,56 @@ class _Chosen:
     @classmethod
     def of(
         cls,
-        verdict: Verdict,
+        selection: Selection,
         followed: Sequence[_Followed],
         second: SecondAlignment | None,
         settings: AlignmentSettings,
     ) -> _Chosen:
-        """From the verdict on the peaks, and those of them that are reported."""
+        """From the selection among the peaks, and those of them that are reported."""
         best, *others = followed
         fit = best.fit
-        misfit = fit.doubt(settings.guard.min_fit_probability)
+        misfit = fit.misfit(settings.guard.min_fit_probability)
         sentence = "" if second is None else second.sentence
         slip = sentence if second is not None and second.slip else ""
-        ambiguous = verdict.reason if verdict.ambiguous else best.vague
-        doubts = [doubt for doubt in (best.extraordinary, sentence, misfit, ambiguous) if doubt]
+        ambiguous = selection.reason if selection.ambiguous else best.vague
+        objections = [objection for objection in (best.extraordinary, sentence, misfit, ambiguous) if objection]
         return cls(
             best,
             tuple(other.hypothesis for other in others),
             fit,
-            tuple(doubts),
+            tuple(objections),
             best.extraordinary or slip or misfit,
-            verdict.reason,
-            likely=bool(second or (verdict.alternatives and not misfit)),
+            selection.reason,
+            likely=bool(second or (selection.alternatives and not misfit)),
         )
 
 
 def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings: AlignmentSettings) -> _Chosen:
     """Between level frames."""
-    verdict = assess(found.peaks, found.mixture, found.prior, settings.guard)
+    selection = assess(found.peaks, found.mixture, found.prior, settings.guard)
     second = None
-    if found.chosen is None and not verdict.ambiguous:
-        second = second_alignment(found, verdict.best, verdict.different, verdict.log_volume, settings.guard.min_odds)
-    rows = (verdict.best, *(verdict.others if second is None else (second.row,)))
+    if found.chosen is None and not selection.ambiguous:
+        second = second_alignment(
+            found, selection.best, selection.different, selection.log_volume, settings.guard.min_odds
+        )
+    rows = (selection.best, *(selection.others if second is None else (second.row,)))
     several = found.chosen is None and len(links) > 1
     others = several and drift_matters(found.drift, found.mixture.observations)  # the best one is calibrated besides
     followed = [
         _followed(
-            found, row, links, odometry, verdict.covariance, settings, follow=others or (several and row == rows[0])
+            found, row, links, odometry, selection.covariance, settings, follow=others or (several and row == rows[0])
         )
         for row in rows
     ]
-    return _Chosen.of(verdict, followed, second, settings)
+    return _Chosen.of(selection, followed, second, settings)
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:
     """Over all of SE(3)."""
     peaks = refine_in_space(found.peaks, found.mixture, found.prior, links, settings.tilt_sigma_rad)
-    verdict = assess(peaks.level, found.mixture, found.prior, settings.guard, peaks.explanation)
+    selection = assess(peaks.level, found.mixture, found.prior, settings.guard, peaks.explanation)
     followed = []
-    for row in (verdict.best, *verdict.others):
+    for row in (selection.best, *selection.others):
         explanation, T_a_b = peaks.explanation.at(row), peaks.T_a_b[row]
         distance_m = np.linalg.norm(se3.transform(T_a_b, links.antenna_b) - links.antenna_a, axis=1)
         hypothesis = AlignmentHypothesis(
@@ -154,7 +156,7 @@ def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -
             paths_kept=_paths_kept(explanation, links, None),
         )
         followed.append(_Followed(hypothesis, peaks.covariance[row], found.mixture, explanation, distance_m))
-    return _Chosen.of(verdict, followed, None, settings)
+    return _Chosen.of(selection, followed, None, settings)
 
 
 @dataclass(frozen=True, eq=False)

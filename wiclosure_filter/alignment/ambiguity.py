@@ -23,7 +23,7 @@ _MOST_PLACES = 4  # the search follows six peaks to their tops: of more places t
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Selection:
     """Which of a set of peaks to use, and whether it is certain.
 
     Args:
@@ -59,7 +59,7 @@ def assess(
     prior: Prior,
     guard: AmbiguitySettings,
     explanation: Explanation | None = None,
-) -> Verdict:
+) -> Selection:
     """Weighs the peaks of the posterior against each other, and the best against chance.
 
     Args:
@@ -78,17 +78,17 @@ def assess(
     explanation = explained(peaks.states[best], mixture) if explanation is None else explanation.at(best)
     little = weighed.too_few(explanation)
     contested = weighed.contested(different, apart_m)
-    doubts = [
+    objections = [
         weighed.unobservable(covariance),
         little,
         contested,
         weighed.by_chance(weighed.log_mass(best, covariance)),
     ]
-    reasons = [doubt for doubt in doubts if doubt]
+    reasons = [objection for objection in objections if objection]
     reason = reasons[0] if reasons else _support(explanation, mixture)
     alternatives = weighed.likely_alternatives(best) if contested and not little else ()
     log_volume = weighed.evidence - peaks.log_posterior + 2 * np.log(2 * np.pi) - weighed.log_searched
-    return Verdict(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
+    return Selection(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
 
 
 def log_evidence(peaks: Peaks) -> FloatArray:

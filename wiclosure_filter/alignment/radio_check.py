@@ -51,7 +51,9 @@ class RadioConsistencyCheck:
         if alignment.best is None or not settings.gravity_aligned:
             return None
         problem = AlignmentProblem.of(links.thinned(settings.max_measurements), trajectories, settings)
-        others = alignment.rivals or (() if alignment.runner_up is None else (alignment.runner_up,))
+        others = alignment.likely_alternatives or (
+            () if alignment.best_alternative is None else (alignment.best_alternative,)
+        )
         states = [problem.observations.state(hypothesis.T_a_b) for hypothesis in (alignment.best, *others)]
         # That robots are about level with each other helps a search; it is nothing to hold against a measured pose.
         prior = replace(problem.prior, height_sigma_m=settings.height_sigma_m)

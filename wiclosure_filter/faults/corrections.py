@@ -15,7 +15,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AoaFrame, FloatArray, Trajectory, WirelessLog, WirelessMeasurement
 
-Inputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
+RadioInputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
 _Measurement: TypeAlias = WirelessMeasurement
 
 _CLOCKS_S = (0.5, 2.0)  # the rest is estimated from there
@@ -39,7 +39,7 @@ class Correction:
     """
 
     fault: str
-    apply: Callable[[Inputs], Inputs]
+    apply: Callable[[RadioInputs], RadioInputs]
     of_log: bool = True
     log_scale: float = 0.0
     log_prior: float = 0.0
@@ -92,7 +92,7 @@ def swapped(names: Mapping[str, str]) -> Correction:
     """Of robots' names that are mixed up in the log; by the name that each should have."""
     mixed = ", ".join(f"{wrong} for {right}" for wrong, right in names.items() if wrong != right)
 
-    def renamed(inputs: Inputs) -> Inputs:
+    def renamed(inputs: RadioInputs) -> RadioInputs:
         trajectories, log = inputs
         measurements = tuple(
             replace(m, receiver=names.get(m.receiver, m.receiver), transmitter=names.get(m.transmitter, m.transmitter))
@@ -197,7 +197,7 @@ def _each(fault: str, change: Callable[[_Measurement], _Measurement]) -> Correct
     )
 
 
-def _moved(inputs: Inputs, robot: str, change: Callable[[FloatArray], FloatArray]) -> Inputs:
+def _moved(inputs: RadioInputs, robot: str, change: Callable[[FloatArray], FloatArray]) -> RadioInputs:
     trajectories, log = inputs
     one = trajectories[robot]
     finer = None if one.finer is None else replace(one.finer, poses=change(one.finer.poses))

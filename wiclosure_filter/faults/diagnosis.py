@@ -16,7 +16,7 @@ from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.faults.corrections import Correction, Inputs, azimuths_off, corrections, ranges_off
+from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, azimuths_off, corrections, ranges_off
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -61,7 +61,9 @@ def with_fault(alignment: FrameAlignment, correction: Correction | None) -> Fram
         return alignment
     remedy = " (--accept-correction applies it)" if correction.of_log else ""
     fault = f"{correction.fault}{remedy}"
-    return replace(alignment, ambiguous=True, rivals=(), reason=f"{fault}; {alignment.reason}", suspected_fault=fault)
+    return replace(
+        alignment, ambiguous=True, likely_alternatives=(), reason=f"{fault}; {alignment.reason}", suspected_fault=fault
+    )
 
 
 def _between(a: str, b: str, log: WirelessLog) -> WirelessLog:
@@ -71,17 +73,17 @@ def _between(a: str, b: str, log: WirelessLog) -> WirelessLog:
     )
 
 
-def _links(inputs: Inputs, settings: AlignmentSettings) -> Links:
+def _links(inputs: RadioInputs, settings: AlignmentSettings) -> Links:
     trajectories, log = inputs
     (links,) = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair.values()
     return links
 
 
-def _aligned(inputs: Inputs, settings: AlignmentSettings) -> FrameAlignment:
+def _aligned(inputs: RadioInputs, settings: AlignmentSettings) -> FrameAlignment:
     return align(_links(inputs, settings), inputs[0], settings)
 
 
-def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, settings: AlignmentSettings) -> float:
+def _gain(claimed: FrameAlignment, correction: Correction, inputs: RadioInputs, settings: AlignmentSettings) -> float:
     """By how much more a correction explains (natural logarithm of odds); -inf where it does not explain enough."""
     corrected = _aligned(correction.apply(inputs), settings)
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
@@ -91,7 +93,7 @@ def _gain(claimed: FrameAlignment, correction: Correction, inputs: Inputs, setti
     return gained + ranges * correction.log_scale + correction.log_prior
 
 
-def _constant_errors(T_a_b: FloatArray, inputs: Inputs, settings: AlignmentSettings) -> list[Correction]:
+def _constant_errors(T_a_b: FloatArray, inputs: RadioInputs, settings: AlignmentSettings) -> list[Correction]:
     """Offsets of azimuths and ranges that many residuals of an alignment share."""
     links = _links(inputs, settings)
     a_in_b = se3.transform(se3.inverse(T_a_b), links.antenna_a)

@@ -15,7 +15,7 @@ from wiclosure import se3
 from wiclosure.types import FrameAlignment, Trajectory, WirelessLog, robot_pairs
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.faults.corrections import Correction, Inputs, swapped
+from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, swapped
 from wiclosure.wiclosure_filter.faults.diagnosis import LIKELIER, quick_settings
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
@@ -105,7 +105,7 @@ def mixed_up_names(
     return correction if best - max(claimed, 0.0) > LIKELIER else None
 
 
-def _log_likelihood(inputs: Inputs, settings: AlignmentSettings) -> float:
+def _log_likelihood(inputs: RadioInputs, settings: AlignmentSettings) -> float:
     """Of a whole team's measurements; -inf where some do not fit, or contradict each other."""
     trajectories, log = inputs
     links = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair

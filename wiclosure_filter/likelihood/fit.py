@@ -81,7 +81,7 @@ class Fit:
         """That an honest radio fits as badly, by the worst of the three counts."""
         return self.by_time.probability
 
-    def doubt(self, least: float) -> str:
+    def misfit(self, least: float) -> str:
         """What does not fit, as a sentence; empty where the fit is at least so probable."""
         if self.probability >= least:
             return ""
@@ -141,11 +141,11 @@ def short_ranges(mixture: Mixture, explanation: Explanation, distance_m: FloatAr
     rows = np.flatnonzero(np.isfinite(mixture.observations.range_m))
     if len(rows) == 0:
         return 0, 1.0
-    z = (mixture.observations.range_m - distance_m)[rows] / np.sqrt(mixture.range_variance[rows])
+    standardised = (mixture.observations.range_m - distance_m)[rows] / np.sqrt(mixture.range_variance[rows])
     agreeing = explanation.in_sight[0, rows] > 0.5
-    scatter = max(1.0, 1.4826 * float(np.median(np.abs(z[agreeing])))) if agreeing.any() else 1.0
+    scatter = max(1.0, 1.4826 * float(np.median(np.abs(standardised[agreeing])))) if agreeing.any() else 1.0
     counted = mixture.observations.independence[rows]
-    short = z < -_SHORT * scatter
+    short = standardised < -_SHORT * scatter
     chance = mixture.radio.range_outlier / 2 + float(ndtr(-_SHORT))  # gross errors are as often too short
     number, total = int(np.ceil((counted * short).sum() - 1e-9)), int(np.ceil(counted.sum()))
     return int(short.sum()), (float(bdtrc(number - 1, total, chance)) if number else 1.0)

@@ -92,7 +92,7 @@ def _cost(parameters: FloatArray, error: FloatArray, variance: FloatArray) -> fl
     return float(-np.log(likelihood + 1e-300).sum() + parameters[1] ** 2 / 50 + parameters[3] ** 2 / 200)
 
 
-def report(fit: NoiseFit) -> str:
+def noise_report(fit: NoiseFit) -> str:
     """The fit as lines for a terminal."""
     noise = fit.noise
     lines = [
@@ -112,7 +112,7 @@ def main(arguments: Sequence[str]) -> int:
         if not arguments:
             raise InputError("no file given; usage: python -m wiclosure.wiclosure_filter.links.noise_model FILES...")
         profiles = [profile for path in arguments for profile in read_wsr_profiles(path)]
-        sys.stdout.write(report(fit_noise_model(profiles)) + "\n")
+        sys.stdout.write(noise_report(fit_noise_model(profiles)) + "\n")
     except WiclosureError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -63,8 +63,8 @@ def _outer_nodes(mean: FloatArray, sigma: FloatArray, radius: FloatArray) -> tup
     half = 0.5 * (high - low)[:, None]
     theta = 0.5 * (high + low)[:, None] + half * nodes
     x, inner_radius = radius[:, None] * np.sin(theta), radius[:, None] * np.cos(theta)
-    z = (x - mean[:, None]) / sigma[:, None]
-    density = np.exp(-0.5 * z**2) / (np.sqrt(2 * np.pi) * sigma[:, None])
+    standardised = (x - mean[:, None]) / sigma[:, None]
+    density = np.exp(-0.5 * standardised**2) / (np.sqrt(2 * np.pi) * sigma[:, None])
     return inner_radius, half * weights * inner_radius * density
 
 

@@ -17,10 +17,10 @@ from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.search.pairs import MOST_PAIRS
-from wiclosure.wiclosure_filter.search.segments import LEAF, Level, SegmentTree, box_distance
+from wiclosure.wiclosure_filter.search.segments import LEAF, SegmentTree, TreeLevel, box_distance
 
 # Pairs of segments split at a time; bounds the memory where nearly everything overlaps.
-CHUNK = 1 << 13
+SEGMENTS_AT_ONCE = 1 << 13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +102,7 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
     found = 0
     while waiting:
         step, segment_a, segment_b = waiting.pop()
-        a, b = (Level(tree, min(step, len(tree.heights) - 1)) for tree in trees)
+        a, b = (TreeLevel(tree, min(step, len(tree.heights) - 1)) for tree in trees)
         bounds = _bounds(model, a, segment_a, b, segment_b)
         near = gate.may_keep(*bounds)
         segment_a, segment_b = segment_a[near], segment_b[near]
@@ -119,7 +119,8 @@ def find_overlap(model: PairModel, gate: Gate, trace: SearchTrace | None = None)
         if step <= b.height:
             segment_b, segment_a = _children(b, segment_b, segment_a)
         waiting += [
-            (step - 1, segment_a[i : i + CHUNK], segment_b[i : i + CHUNK]) for i in range(0, len(segment_a), CHUNK)
+            (step - 1, segment_a[i : i + SEGMENTS_AT_ONCE], segment_b[i : i + SEGMENTS_AT_ONCE])
+            for i in range(0, len(segment_a), SEGMENTS_AT_ONCE)
         ]
     return KeptPairs.joined(kept)
 
@@ -133,7 +134,7 @@ def _refuse_too_many(found: int) -> None:
 
 
 def _bounds(
-    model: PairModel, a: Level, segment_a: IntArray, b: Level, segment_b: IntArray
+    model: PairModel, a: TreeLevel, segment_a: IntArray, b: TreeLevel, segment_b: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Shortest distance, largest variance and smallest spread `(K,)` of all pairs of keyframes of two segments."""
     largest, smallest = model.bounds(*a.keyframes(segment_a), *b.keyframes(segment_b))
@@ -141,7 +142,7 @@ def _bounds(
     return box_distance(a.segments, segment_a, b.segments, segment_b), largest, smallest
 
 
-def _children(level: Level, parents: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
+def _children(level: TreeLevel, parents: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
     """Both halves of each segment, and the other robot's segment once for each."""
     children = np.concatenate([2 * parents, 2 * parents + 1])
     exists = children < level.tree.count(level.height - 1)

@@ -24,8 +24,8 @@ def compass_yaw(alignment: FrameAlignment, max_sigma_rad: float) -> tuple[float,
     if alignment.best is None or alignment.covariance is None or alignment.heading_knowledge != "heading":
         return None
     variance = float(alignment.covariance[2, 2])
-    if alignment.runner_up is not None:
-        variance += float(se3.yaw(se3.between(alignment.best.T_a_b, alignment.runner_up.T_a_b))) ** 2
+    if alignment.best_alternative is not None:
+        variance += float(se3.yaw(se3.between(alignment.best.T_a_b, alignment.best_alternative.T_a_b))) ** 2
     if variance > max_sigma_rad**2:
         return None
     return float(se3.yaw(alignment.best.T_a_b)), float(np.sqrt(variance))

@@ -76,7 +76,7 @@ class SegmentTree:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class TreeLevel:
     """One height of a trajectory's hierarchy."""
 
     tree: SegmentTree

@@ -45,11 +45,11 @@ class AlternativeEstimates:
             estimate: shares their trajectories by an alignment that is taken for certain.
             gate: see above.
         """
-        if alignment.best is None or not alignment.rivals:
+        if alignment.best is None or not alignment.likely_alternatives:
             return None
         pair = (alignment.robot_a, alignment.robot_b)
         estimates = []
-        for hypothesis in (alignment.best, *alignment.rivals):
+        for hypothesis in (alignment.best, *alignment.likely_alternatives):
             shared = estimate(replace(alignment, best=hypothesis, ambiguous=False))
             if pair not in shared.estimates:
                 return None

@@ -21,7 +21,7 @@ from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstima
 
 # Median residual, in standard deviations, beyond which links contradict each other; 0.7 is expected, and robust kernels
 # let a few outliers have any residual.
-CONTRADICTION = 3.0
+CONTRADICTING_SIGMAS = 3.0
 
 
 @runtime_checkable
@@ -134,7 +134,7 @@ def _joint(
                 left = [robot for robot in left if robot not in frames]
                 continue
             worst = max(misfit, key=lambda pair: misfit[pair])
-            if len(own) > 1 and misfit[worst] > CONTRADICTION:
+            if len(own) > 1 and misfit[worst] > CONTRADICTING_SIGMAS:
                 # Each alignment holds by itself, but not all together: do without the one that fits least.
                 diagnosis.append(
                     f"{worst[0]} and {worst[1]}: their links contradict those of the other robots"

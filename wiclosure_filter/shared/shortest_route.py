@@ -21,7 +21,7 @@ from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairMod
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # m^2, so that no covariance is singular at the link itself.
-LEAST_VARIANCE = 1e-4
+VARIANCE_FLOOR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class ShortestRouteEstimate:
         C = np.zeros((len(link), 6, 6))
         R_a_c2 = self.T_a_b[link, :3, :3] @ b.poses[c2, :3, :3]
         C[:, :3, :3] = self.yaw_variance * np.eye(3)
-        C[:, 3:, 3:] = np.swapaxes(R_a_c2, 1, 2) @ self.covariance[link] @ R_a_c2 + LEAST_VARIANCE * np.eye(3)
+        C[:, 3:, 3:] = np.swapaxes(R_a_c2, 1, 2) @ self.covariance[link] @ R_a_c2 + VARIANCE_FLOOR * np.eye(3)
         C_a, C_b = a.relative_covariance(index_a, c1), b.relative_covariance(c2, index_b)
         T_c2_k = b.relative_pose(c2, index_b)
         C = se3.compose_covariance(se3.compose_covariance(C_a, T_c1_c2, C), T_c2_k, C_b)
@@ -120,7 +120,7 @@ class ShortestRouteEstimate:
 
     def _table(self, link: int) -> FloatArray:
         d = self.dimensions
-        return self.covariance[None, None, link, :d, :d] + LEAST_VARIANCE * np.eye(d)
+        return self.covariance[None, None, link, :d, :d] + VARIANCE_FLOOR * np.eye(d)
 
     def _places(self, link: int) -> tuple[KeyframePlaces, KeyframePlaces]:
         a, b = self.trajectories[self.robot_a], self.trajectories[self.robot_b]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure.pipeline.evaluation.closures import ClosureJudge
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.evaluation.metrics import StageCount
 from wiclosure.pipeline.report.html.packing import Array, along_curve, packed_steps
@@ -29,7 +29,7 @@ def closure_rows(
     closures: Sequence[Closure],
     keyframes: Mapping[str, Trajectory],
     placement: Placement,
-    judge: ClosureJudge | None = None,
+    truth_check: TruthCheck | None = None,
 ) -> list[dict[str, Any]]:
     """One entry for each closure.
 
@@ -37,9 +37,9 @@ def closure_rows(
         closures: with their final decision.
         keyframes: poses in the world of each component.
         placement: where robots are drawn.
-        judge: tells by ground truth which are true.
+        truth_check: tells by ground truth which are true.
     """
-    true = _true(closures, judge)
+    true = _true(closures, truth_check)
     return [
         {
             "query": [closure.query.robot, closure.query.index],
@@ -56,12 +56,12 @@ def closure_rows(
     ]
 
 
-def _true(closures: Sequence[Closure], judge: ClosureJudge | None) -> dict[int, bool]:
+def _true(closures: Sequence[Closure], truth_check: TruthCheck | None) -> dict[int, bool]:
     """By row, of the measured closures that ground truth covers."""
     rows = [row for row, closure in enumerate(closures) if closure.measured is not None]
-    if judge is None or not rows:
+    if truth_check is None or not rows:
         return {}
-    right, known = judge.right([closures[row] for row in rows])
+    right, known = truth_check.right([closures[row] for row in rows])
     return {row: bool(right[n]) for n, row in enumerate(rows) if known[n]}
 
 

@@ -79,7 +79,9 @@ def alternatives(alignment: FrameAlignment) -> list[dict[str, float]]:
     """Other ways in which the two frames may lie: odds of the best against each, and how far it is from the best."""
     if alignment.best is None:
         return []
-    others = alignment.rivals or (() if alignment.runner_up is None else (alignment.runner_up,))
+    others = alignment.likely_alternatives or (
+        () if alignment.best_alternative is None else (alignment.best_alternative,)
+    )
     found = []
     for other in others:
         between = se3.between(alignment.best.T_a_b, other.T_a_b)

@@ -9,7 +9,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
-from wiclosure.pipeline.evaluation.closures import ClosureJudge
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
 from wiclosure.pipeline.report.html.advice import next_steps
 from wiclosure.pipeline.report.html.candidates_data import Overlap, candidate_matrices
@@ -17,9 +17,9 @@ from wiclosure.pipeline.report.html.closures_data import closure_rows, scans_of_
 from wiclosure.pipeline.report.html.radio_data import Tracks, radio_pair
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map_entry, robot_entry
 from wiclosure.pipeline.report.html.tables_data import figure_tables
-from wiclosure.pipeline.report.html.verdict import headline_numbers, verdict
+from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
 from wiclosure.pipeline.report.html.versions import versions
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import FloatArray, FrameAlignment
 
 
@@ -32,12 +32,12 @@ def run_data(result: RunResult) -> dict[str, Any]:
     alignments = solution.filtered.alignments
     return {
         "name": solution.filtered.filter_name,
-        "verdict": verdict(metrics, next_steps(result)),
+        "verdict": run_verdict(metrics, next_steps(result)),
         "numbers": headline_numbers(metrics),
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),
         "map_note": _map_note(result),
-        "closures": closure_rows(solution.closures, solution.graph.trajectories, placement, _judge(result)),
+        "closures": closure_rows(solution.closures, solution.graph.trajectories, placement, _truth_check(result)),
         "clouds": scans_of_closures(solution.closures, {robot: f.clouds for robot, f in result.fronts.items()}),
         "funnel": stages_with_reasons(metrics["funnel"], solution.closures),
         "matrices": candidate_matrices(
@@ -63,10 +63,11 @@ def run_data(result: RunResult) -> dict[str, Any]:
     }
 
 
-def _judge(result: RunResult) -> ClosureJudge:
+def _truth_check(result: RunResult) -> TruthCheck:
     settings = result.config.evaluation
     truth = in_lidar_axes(result.merged, result.inputs.ground_truth, settings.ground_truth_gap_s)
-    return settings.judge({robot: front.keyframes for robot, front in result.fronts.items()}, truth)
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    return TruthCheck.of(settings, keyframes, truth.oriented)
 
 
 def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:

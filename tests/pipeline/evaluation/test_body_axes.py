@@ -89,18 +89,18 @@ def test_ground_truth_of_something_else_tells_nothing() -> None:
 def test_like_axes_are_left_as_they_are(yaw: float, mounting_deg: float) -> None:
     true = drive(1, yaw=yaw)
     truth = in_axes(true, Rotation.from_euler("z", mounting_deg, degrees=True).as_matrix())
-    judged = in_lidar_axes({"alpha": noisy(true, 2)}, {"alpha": truth}, 1.0)
-    assert judged.truth["alpha"] is truth
-    assert not judged.remarks
-    assert not judged.unoriented
+    oriented = in_lidar_axes({"alpha": noisy(true, 2)}, {"alpha": truth}, 1.0)
+    assert oriented.truth["alpha"] is truth
+    assert not oriented.remarks
+    assert not oriented.unoriented
 
 
 def test_a_straight_path_in_other_axes_is_judged_by_positions_alone() -> None:
     true = drive(1, yaw=0.0)
-    judged = in_lidar_axes({"alpha": true}, {"alpha": in_axes(true, CAMERA)}, 1.0)
-    assert judged.unoriented == {"alpha"}
-    assert judged.oriented == {}
-    assert "turns too little" in judged.remarks[0]
+    oriented = in_lidar_axes({"alpha": true}, {"alpha": in_axes(true, CAMERA)}, 1.0)
+    assert oriented.unoriented == {"alpha"}
+    assert oriented.oriented == {}
+    assert "turns too little" in oriented.remarks[0]
 
 
 TRUE = {"alpha": drive(5), "beta": drive(6, "beta")}

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
-from wiclosure.pipeline.evaluation.closures import ClosureJudge, candidate_metrics, closure_errors, closure_metrics
+from wiclosure.pipeline.evaluation.closures import TruthCheck, candidate_metrics, closure_errors, closure_metrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import CandidatePairs, Closure, KeyframeId, Stage, Trajectory
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -45,42 +46,42 @@ class TestClosures:
         poses[:, 0, 3], poses[:, 1, 3] = np.arange(10.0), y
         return Trajectory(robot, self.STAMPS_NS, poses)
 
-    def judge(self, truth=None, error_m=2.0, error_deg=5.0):
+    def truth_check(self, truth=None, error_m=2.0, error_deg=5.0):
         keyframes = {"alpha": self.line("alpha", 0.0), "beta": self.line("beta", 3.0)}
-        return ClosureJudge(keyframes, keyframes if truth is None else truth, error_m, error_deg, 1.0)
+        return TruthCheck(keyframes, keyframes if truth is None else truth, error_m, error_deg, 1.0)
 
     def closure(self, a, b, metres=0.0, degrees=0.0):
         T = se3.from_yaw(np.radians(degrees), np.array([b - a + metres, 3.0, 0.0]))
         return Closure.from_measurement(KeyframeId("alpha", a), KeyframeId("beta", b), T, np.eye(6))
 
     def test_errors_are_those_that_were_put_in(self):
-        judge = self.judge()
+        truth_check = self.truth_check()
         closures = [self.closure(0, 1), self.closure(2, 5, metres=1.5), self.closure(3, 3, degrees=-30.0)]
-        metres, degrees, covered = closure_errors(closures, judge.keyframes, judge.truth, 1.0)
+        metres, degrees, covered = closure_errors(closures, truth_check.keyframes, truth_check.truth, 1.0)
         np.testing.assert_allclose(metres, [0.0, 1.5, 0.0], atol=1e-12)
         np.testing.assert_allclose(degrees, [0.0, 0.0, 30.0], atol=1e-5)
         assert covered.all()
 
     @pytest.mark.parametrize(("metres", "degrees", "right"), [(1.9, 4.9, True), (2.1, 0.0, False), (0.0, 5.1, False)])
     def test_a_closure_is_true_within_both_limits(self, metres, degrees, right):
-        found, covered = self.judge().right([self.closure(4, 4, metres, degrees)])
+        found, covered = self.truth_check().right([self.closure(4, 4, metres, degrees)])
         assert (bool(found[0]), bool(covered[0])) == (right, True)
 
     def test_closures_without_ground_truth_are_neither_true_nor_false(self):
         early = self.line("alpha", 0.0)
         early = Trajectory("alpha", early.stamps_ns[:5], early.poses[:5])
         truth = {"alpha": early, "beta": self.line("beta", 3.0)}
-        judge = self.judge(truth)
-        assert judge.count([self.closure(1, 1), self.closure(2, 2, 9.0), self.closure(9, 9)]) == (1, 1)
-        assert judge.count([self.closure(9, 9)]) == (None, None)
-        assert judge.count([]) == (0, 0)
-        assert self.judge({}).count([]) == (None, None)
+        truth_check = self.truth_check(truth)
+        assert truth_check.count([self.closure(1, 1), self.closure(2, 2, 9.0), self.closure(9, 9)]) == (1, 1)
+        assert truth_check.count([self.closure(9, 9)]) == (None, None)
+        assert truth_check.count([]) == (0, 0)
+        assert self.truth_check({}).count([]) == (None, None)
 
     def test_places_are_near_whatever_was_measured(self):
-        judge = self.judge()
+        truth_check = self.truth_check()
         closures = [self.closure(0, 0, 50.0), self.closure(0, 4), self.closure(0, 9)]
-        assert judge.near(closures, judge.truth, 5.0) == (2, 1)
-        assert judge.near(closures, {}, 5.0) == (None, None)
+        assert truth_check.near(closures, truth_check.truth, 5.0) == (2, 1)
+        assert truth_check.near(closures, {}, 5.0) == (None, None)
 
     def test_decisions_and_truth_are_counted(self):
         checked = self.closure(1, 1).accepted(Stage.RADIO_CHECK)
@@ -90,7 +91,7 @@ class TestClosures:
             self.closure(3, 3).rejected(Stage.CONSISTENCY, "alone"),
             self.closure(4, 4).rejected(Stage.REGISTRATION, "too few points"),
         ]
-        assert closure_metrics(closures, self.judge()) == {
+        assert closure_metrics(closures, self.truth_check()) == {
             "proposed": 4,
             "verified": 3,
             "accepted": 2,
@@ -99,3 +100,12 @@ class TestClosures:
             "accepted_true": 1,
             "accepted_false": 1,
         }
+
+
+def test_the_check_against_truth_has_the_limits_of_the_settings(path):
+    truth = {robot: path(seed, robot=robot) for seed, robot in enumerate(("alpha", "beta"))}
+    settings = EvaluationSettings(closure_error_m=0.5, closure_error_deg=3.0, ground_truth_gap_s=0.25)
+    truth_check = TruthCheck.of(settings, truth, {"alpha": truth["alpha"]})
+    assert (truth_check.error_m, truth_check.error_deg, truth_check.gap_s) == (0.5, 3.0, 0.25)
+    assert set(truth_check.truth) == {"alpha"}
+    assert truth_check.keyframes is truth

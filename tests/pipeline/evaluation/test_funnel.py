@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.pipeline.evaluation.closures import ClosureJudge, candidate_metrics
+from wiclosure.pipeline.evaluation.closures import TruthCheck, candidate_metrics
 from wiclosure.pipeline.evaluation.funnel import MEASURED, STAGES, funnel
 from wiclosure.types import CandidatePairs, Closure, FilterResult, KeyframeId, Stage
 
@@ -21,9 +21,9 @@ def test_each_stage_counts_what_it_leaves(path):
 
     closures = [closure(index).rejected(stage, "for the test") for index, stage in enumerate(MEASURED.values())]
     closures += [closure(10).accepted(Stage.ESTIMATE), closure(11, 30.0).rejected(Stage.RADIO_CHECK, "far off")]
-    judge = ClosureJudge(truth, truth, 2.0, 5.0, 1.0)
+    truth_check = TruthCheck(truth, truth, 2.0, 5.0, 1.0)
     candidates = candidate_metrics([pairs], truth, truth, radius_m=1e4, gap_s=1.0)
-    rows = funnel(candidates, FilterResult("wiclosure", (pairs,), 6400), closures, truth, judge)
+    rows = funnel(candidates, FilterResult("wiclosure", (pairs,), 6400), closures, truth, truth_check)
     assert tuple(row["stage"] for row in rows) == STAGES
     assert [(row["count"], row["true"], row["false"]) for row in rows] == [
         (6400, 6400, 0),
@@ -39,5 +39,5 @@ def test_each_stage_counts_what_it_leaves(path):
 def test_without_ground_truth_only_counts_are_left(path):
     keyframes = {"alpha": path(1), "beta": path(2, robot="beta")}
     candidates = candidate_metrics([], keyframes, {}, radius_m=35.0, gap_s=1.0)
-    rows = funnel(candidates, FilterResult("none", (), 0), [], {}, ClosureJudge(keyframes, {}, 2.0, 5.0, 1.0))
+    rows = funnel(candidates, FilterResult("none", (), 0), [], {}, TruthCheck(keyframes, {}, 2.0, 5.0, 1.0))
     assert [(row["count"], row["true"], row["false"]) for row in rows] == [(0, None, None)] * len(STAGES)

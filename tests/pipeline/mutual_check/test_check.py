@@ -13,7 +13,7 @@ from wiclosure import se3
 from wiclosure.formats.tum import read_tum
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import Judged, PairOutcome, judge, places
+from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair, places
 from wiclosure.pipeline.mutual_check.odds import Verdict
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
@@ -121,8 +121,8 @@ def late(log: WirelessLog, seconds: float) -> WirelessLog:
     return each(log, lambda m: replace(m, transmitter_stamp_ns=m.stamp_ns + round(1e9 * seconds)))
 
 
-def judged(team: Team, log: WirelessLog, blind: Sequence[Closure]) -> Judged:
-    return judge(team.outcome(log), team.odometry, log, Config(), lambda pair, also: list(blind))
+def checks(team: Team, log: WirelessLog, blind: Sequence[Closure]) -> PairCheck:
+    return check_pair(team.outcome(log), team.odometry, log, Config(), lambda pair, also: list(blind))
 
 
 FAULTS = {
@@ -141,7 +141,7 @@ def test_closures_win_over_a_radio_with_an_error_which_is_named(team: Team, faul
     spoil, words = FAULTS[fault]
     log, true = spoil(team.log), team.closures(12)
     outcome = replace(team.outcome(log), kept=replace(team.outcome(log).kept, predictor=None))
-    found = judge(replace(outcome, checked=tuple(true)), team.odometry, log, Config(), lambda pair, also: [])
+    found = check_pair(replace(outcome, checked=tuple(true)), team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict is Verdict.CLOSURES
     assert found.drops_radio
@@ -154,7 +154,7 @@ def test_closures_of_places_that_look_alike_do_not_win_over_ranges(team: Team, f
     spoil, _ = FAULTS[fault]
     log, false = spoil(team.log), team.closures(25, SHIFT)
     outcome = replace(team.outcome(log), kept=replace(team.outcome(log).kept, predictor=None))
-    found = judge(replace(outcome, checked=tuple(false)), team.odometry, log, Config(), lambda pair, also: [])
+    found = check_pair(replace(outcome, checked=tuple(false)), team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict in {Verdict.NEITHER, Verdict.UNDECIDED}
     assert not found.drops_radio
@@ -167,7 +167,7 @@ def test_honest_radio_wins_over_places_that_look_alike(team: Team) -> None:
     assert outcome.kept.predictor is not None
     agreeing = tuple(c.accepted(Stage.RADIO_CHECK) for c in team.closures(2))
     false = team.closures(12, SHIFT)
-    found = judge(replace(outcome, checked=agreeing), team.odometry, team.log, Config(), lambda pair, also: false)
+    found = check_pair(replace(outcome, checked=agreeing), team.odometry, team.log, Config(), lambda pair, also: false)
     assert found.weighed is not None
     assert found.weighed.verdict is Verdict.RADIO
     assert not found.lost & {(c.query, c.match) for c in agreeing}
@@ -181,13 +181,13 @@ def test_nothing_is_registered_again_where_closures_agree_with_an_honest_radio(t
     def never(pair: tuple[str, str], also: Sequence[Closure]) -> list[Closure]:
         raise AssertionError("second round")
 
-    found = judge(outcome, team.odometry, team.log, Config(), never)
+    found = check_pair(outcome, team.odometry, team.log, Config(), never)
     assert (found.weighed, found.blind, found.sentence) == (None, (), "")
 
 
 def test_closures_that_agree_with_the_predictions_after_all_are_taken(team: Team) -> None:
     true = team.closures(12)
-    found = judged(team, team.log, true)
+    found = checks(team, team.log, true)
     assert found.weighed is None
     assert found.blind == tuple(true)
 
@@ -200,7 +200,7 @@ def test_a_set_that_chance_explains_is_no_evidence(team: Team) -> None:
         )
         for n in range(12)
     ]
-    found = judged(team, longer(team.log, 3.28, 0.0), random)
+    found = checks(team, longer(team.log, 3.28, 0.0), random)
     assert (found.weighed, found.sentence) == (None, "")
 
 
@@ -229,7 +229,9 @@ def test_closures_of_a_street_win_over_ranges_that_a_longer_odometry_turns(data_
         for i, j in rng.permutation(near)[:12].tolist()
     ]
     (kept,) = WiClosureFilter().candidates(odometry, log).pairs
-    found = judge(PairOutcome(("alpha", "beta"), kept, (), ()), odometry, log, Config(), lambda pair, also: list(true))
+    found = check_pair(
+        PairOutcome(("alpha", "beta"), kept, (), ()), odometry, log, Config(), lambda pair, also: list(true)
+    )
     assert found.weighed is None or found.drops_radio
     if found.weighed is None:  # the filter calls nothing certain that contradicts them
         assert kept.predictor is None or set(found.blind) == set(true)

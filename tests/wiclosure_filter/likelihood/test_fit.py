@@ -23,7 +23,7 @@ def fit_at(state: FloatArray, mixture: Mixture) -> Fit:
 def test_perfect_measurements_fit_at_the_truth(kind: str, make_case: Callable[..., object]) -> None:
     case = make_case(kind, heard=24, false_paths=2)
     fit = fit_at(case.state, Mixture.of(case.problem.observations, case.problem.radio))
-    assert fit.doubt(0.01) == ""
+    assert fit.misfit(0.01) == ""
     assert fit.probability > 0.5
     assert fit.by_time.agreeing_ranges.sum() == fit.by_time.ranges.sum() == case.links.has_range.sum()
     assert fit.by_time.bearings.sum() == case.links.has_bearing.sum()
@@ -36,8 +36,8 @@ def test_azimuths_from_nowhere_do_not_fit(make_case: Callable[..., object]) -> N
     angle = np.random.default_rng(0).uniform(-np.pi, np.pi, observations.weight.shape)
     scattered = observations.directed(np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1))
     fit = fit_at(case.state, Mixture.of(scattered, case.problem.radio))
-    assert "30 bearings agree" in fit.doubt(0.01)
-    assert "ranges" not in fit.doubt(0.01)
+    assert "30 bearings agree" in fit.misfit(0.01)
+    assert "ranges" not in fit.misfit(0.01)
 
 
 def test_ranges_cannot_be_shorter_than_the_distance(make_case: Callable[..., object]) -> None:
@@ -47,11 +47,11 @@ def test_ranges_cannot_be_shorter_than_the_distance(make_case: Callable[..., obj
     for sign, doubtful in ((-1.0, True), (1.0, False)):
         wrong = np.where(np.arange(40) % 8 == 0, np.maximum(observations.range_m + 5 * sign, 0.0), observations.range_m)
         mixture = Mixture.of(replace(observations, range_m=wrong), case.problem.radio)
-        assert ("shorter than the distance" in fit_at(case.state, mixture).doubt(0.01)) == doubtful
+        assert ("shorter than the distance" in fit_at(case.state, mixture).misfit(0.01)) == doubtful
 
 
 def test_a_few_measurements_are_no_ground_for_doubt(make_case: Callable[..., object]) -> None:
     case = make_case(heard=3)
     away = case.state + np.array([0.0, 0.0, 40.0, 0.0])
-    assert fit_at(case.state, Mixture.of(case.problem.observations, case.problem.radio)).doubt(0.01) == ""
-    assert fit_at(away, Mixture.of(case.problem.observations, case.problem.radio)).doubt(0.01) != ""
+    assert fit_at(case.state, Mixture.of(case.problem.observations, case.problem.radio)).misfit(0.01) == ""
+    assert fit_at(away, Mixture.of(case.problem.observations, case.problem.radio)).misfit(0.01) != ""

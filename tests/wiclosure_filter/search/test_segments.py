@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wiclosure.wiclosure_filter.search.segments import LEAF, Level, SegmentTree, box_distance
+from wiclosure.wiclosure_filter.search.segments import LEAF, SegmentTree, TreeLevel, box_distance
 
 
 @pytest.mark.parametrize("size", [1, LEAF, LEAF + 1, 100])
@@ -15,7 +15,7 @@ def test_every_box_holds_its_keyframes(size: int) -> None:
     tree = SegmentTree.of(positions, variance)
     assert tree.count(len(tree.heights) - 1) == 1
     for height in range(len(tree.heights)):
-        level = Level(tree, height)
+        level = TreeLevel(tree, height)
         first, last = level.keyframes(np.arange(tree.count(height)))
         assert first[0] == 0
         assert last[-1] == size - 1
@@ -30,7 +30,7 @@ def test_every_box_holds_its_keyframes(size: int) -> None:
 def test_children_share_their_parents_keyframes() -> None:
     tree = SegmentTree.of(np.zeros((40, 2)), np.zeros(40))
     parents = np.arange(tree.count(1))
-    assert Level(tree, 1).keyframes(parents)[0].tolist() == Level(tree, 0).keyframes(2 * parents)[0].tolist()
+    assert TreeLevel(tree, 1).keyframes(parents)[0].tolist() == TreeLevel(tree, 0).keyframes(2 * parents)[0].tolist()
 
 
 def test_distance_between_boxes_is_that_of_the_nearest_points() -> None:

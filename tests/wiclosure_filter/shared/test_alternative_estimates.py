@@ -73,8 +73,8 @@ def test_pairs_near_under_either_answer_are_kept_and_no_others(side: int) -> Non
     result, truth = filtered(side)
     (alignment,), (pairs,) = result.alignments, result.pairs
     assert alignment.ambiguous
-    assert len(alignment.rivals) == 1
-    assert alignment.rivals[0] is alignment.runner_up
+    assert len(alignment.likely_alternatives) == 1
+    assert alignment.likely_alternatives[0] is alignment.best_alternative
     apart_m = np.linalg.norm(truth["alpha"].positions[:, None] - truth["beta"].positions[None], axis=2)
     kept = np.zeros(apart_m.shape, bool)
     kept[pairs.index_a, pairs.index_b] = True

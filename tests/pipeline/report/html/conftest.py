@@ -20,8 +20,7 @@ from wiclosure.frontends.front_end_result import FrontEndCounts, FrontEndResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
-from wiclosure.pipeline.stages.run import RunResult
-from wiclosure.pipeline.stages.solve import Solution
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.types import (
     AlignmentHypothesis,
     AoaPath,
@@ -182,8 +181,10 @@ def _alignment(a: Trajectory, b: Trajectory, log: WirelessLog, *, ambiguous: boo
         else f"{len(rows)} bearings and {len(rows)} ranges of {len(rows)} measurements agree"
     )
     sigma = np.array([0.01, 0.01, 0.02, 0.3, 0.4, 0.5])
-    rivals = (other,) if ambiguous else ()
-    return FrameAlignment(a.robot, b.robot, best, np.diag(sigma**2), ambiguous, reason, rivals=rivals)
+    likely_alternatives = (other,) if ambiguous else ()
+    return FrameAlignment(
+        a.robot, b.robot, best, np.diag(sigma**2), ambiguous, reason, likely_alternatives=likely_alternatives
+    )
 
 
 def _pairs(a: Trajectory, b: Trajectory) -> CandidatePairs:

@@ -1,4 +1,4 @@
-"""Which hypotheses on pairs of groups hold: each alone, and with those of other pairs over cycles of three."""
+"""Which sets of closures between groups hold: each alone, and with those of other pairs over cycles of three."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.alignment import Comparison, Hypothesis
-from wiclosure.backends.claims import CHUNK, Claims, chance_to_agree
+from wiclosure.backends.alignment import ClosureComparison, ConsistentSet
+from wiclosure.backends.claims import PAIRS_AT_ONCE, Claims, chance_to_agree
 from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import FloatArray
 
@@ -29,14 +29,14 @@ Places = Mapping[int, tuple[FloatArray, FloatArray]]
 
 
 @dataclass(eq=False)
-class Candidate:
-    """A hypothesis on the pair `(a, b)` of groups, and what is known for and against it.
+class CandidateSet:
+    """A set of closures between the pair `(a, b)` of groups, and what is known for and against it.
 
     Args:
         a, b: groups, a < b.
         rows: closures, of all.
-        hypothesis, comparison: from `alignment`.
-        doubt: why the pair alone does not settle it; empty if it does.
+        closure_set, comparison: from `alignment`.
+        objection: why the pair alone does not settle it; empty if it does.
         extent: of the closures' ends along either path, by how far apart scans still match.
         support, contradiction: of cycles over third groups.
     """
@@ -44,23 +44,23 @@ class Candidate:
     a: int
     b: int
     rows: np.ndarray
-    hypothesis: Hypothesis
-    comparison: Comparison
-    doubt: str = ""
+    closure_set: ConsistentSet
+    comparison: ClosureComparison
+    objection: str = ""
     extent: float = 1.0
     support: float = 0.0
     contradiction: float = 0.0
-    fallen: str = ""
+    refutation: str = ""
     frame: FloatArray = field(init=False)
     noise: FloatArray = field(init=False)
     wander: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        claims, medoid = self.comparison.claims, self.hypothesis.medoid
+        claims, medoid = self.comparison.claims, self.closure_set.medoid
         self.frame, self.noise, self.wander = claims.frames[medoid], claims.noise[medoid], claims.wander[medoid]
 
     def __len__(self) -> int:
-        return len(self.hypothesis)
+        return len(self.closure_set)
 
     @property
     def weight(self) -> float:
@@ -75,10 +75,10 @@ class Candidate:
     @property
     def holds(self) -> bool:
         """Whether it may join its groups."""
-        return not self.fallen and (not self.doubt or self.support > 0)
+        return not self.refutation and (not self.objection or self.support > 0)
 
 
-def settle_cycles(candidates: Sequence[Candidate], places: Places, limit: float, clearly: float) -> None:
+def settle_cycles(candidates: Sequence[CandidateSet], places: Places, limit: float, clearly: float) -> None:
     """Closes all cycles of three: open sets that a cycle closes hold, sets that more speaks against than for fall.
 
     Of an open cycle the weakest set falls alone only if it is clearly so, else all that are about as weak: which of
@@ -111,12 +111,12 @@ def settle_cycles(candidates: Sequence[Candidate], places: Places, limit: float,
             if not shut and any(m is worst for m in members) and all(m.holds for m in members):
                 for member in members:
                     if member.strength <= worst.strength / clearly:
-                        member.fallen = "contradicts the closures with other robots, over a third one"
-        gone = {n for n, c in enumerate(candidates) if c.fallen}
+                        member.refutation = "contradicts the closures with other robots, over a third one"
+        gone = {n for n, c in enumerate(candidates) if c.refutation}
         alive = [(cycle, shut) for cycle, shut in alive if not gone & set(cycle)]
 
 
-def _weigh(candidates: Sequence[Candidate], alive: Sequence[tuple[tuple[int, int, int], bool]]) -> None:
+def _weigh(candidates: Sequence[CandidateSet], alive: Sequence[tuple[tuple[int, int, int], bool]]) -> None:
     """What closed and open cycles say; an open one says that one of three is wrong, if all three hold otherwise."""
     for candidate in candidates:
         candidate.support = candidate.contradiction = 0.0
@@ -129,7 +129,7 @@ def _weigh(candidates: Sequence[Candidate], alive: Sequence[tuple[tuple[int, int
             candidates[n].contradiction += min(candidates[m].strength for m in cycle if m != n)
 
 
-def _cycles(candidates: Sequence[Candidate]) -> list[tuple[int, int, int]]:
+def _cycles(candidates: Sequence[CandidateSet]) -> list[tuple[int, int, int]]:
     """Triples of candidates on the pairs (a, b), (b, c) and (a, c)."""
     by_pair: dict[tuple[int, int], list[int]] = defaultdict(list)
     for n, candidate in enumerate(candidates):
@@ -148,12 +148,12 @@ def _cycles(candidates: Sequence[Candidate]) -> list[tuple[int, int, int]]:
     return found
 
 
-def _distances(candidates: Sequence[Candidate], cycles: Sequence[tuple[int, int, int]]) -> FloatArray:
+def _distances(candidates: Sequence[CandidateSet], cycles: Sequence[tuple[int, int, int]]) -> FloatArray:
     """Squared Mahalanobis distance of each cycle from closing."""
     frame, noise, wander = (np.stack([getattr(c, name) for c in candidates]) for name in ("frame", "noise", "wander"))
     index, found = np.array(cycles), []
-    for start in range(0, len(index), CHUNK):
-        ab, bc, ac = ((frame[n], noise[n], wander[n]) for n in index[start : start + CHUNK].T)
+    for start in range(0, len(index), PAIRS_AT_ONCE):
+        ab, bc, ac = ((frame[n], noise[n], wander[n]) for n in index[start : start + PAIRS_AT_ONCE].T)
         found.append(mahalanobis_squared(*_closing(ab, bc, ac)))
     return np.concatenate(found)
 
@@ -168,16 +168,16 @@ def _closing(ab: Frame, bc: Frame, ac: Frame) -> tuple[FloatArray, FloatArray]:
 
 
 def _chance_to_close(
-    candidates: Sequence[Candidate], cycle: tuple[int, int, int], places: Places, limit: float
+    candidates: Sequence[CandidateSet], cycle: tuple[int, int, int], places: Places, limit: float
 ) -> float:
     """How often the cycle would close if the first set's measurement were taken at any other places of its groups.
 
     Zero where each of the three sets holds by itself: then nothing is at stake.
     """
     ab, bc, ac = (candidates[n] for n in cycle)
-    if not (ab.doubt or bc.doubt or ac.doubt):
+    if not (ab.objection or bc.objection or ac.objection):
         return 0.0
-    claims, medoid = ab.comparison.claims, ab.hypothesis.medoid
+    claims, medoid = ab.comparison.claims, ab.closure_set.medoid
     rng = np.random.default_rng(len(candidates))
     (poses_a, wander_a), (poses_b, wander_b) = (places[group] for group in (ab.a, ab.b))
     at_a, at_b = rng.integers(0, len(poses_a), RECOMBINED), rng.integers(0, len(poses_b), RECOMBINED)
