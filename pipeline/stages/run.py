@@ -178,6 +178,4 @@ def _about_inputs(prepared: Prepared) -> list[str]:
         sentences.append(
             f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"
         )
-    if len(inputs.robots) == 1 and not prepared.config.revisits.enabled:
-        sentences.append("there is one robot only, so there is nothing to merge: its map is that of plain odometry")
     return sentences
