@@ -94,7 +94,8 @@ def field_paths(message: object, above: str = "") -> list[str]:
         if isinstance(value, list | np.ndarray):
             path += "[]"
             value = value[0] if len(value) else None
-        found += field_paths(value, f"{path}.") or [path]
+        is_time = {"sec", "nanosec"} <= set(_names(value))  # read as one
+        found += (not is_time and field_paths(value, f"{path}.")) or [path]
     return found
 
 
