@@ -145,11 +145,12 @@ def run_stages(
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
+    gravity_s = prepared.grounding.seconds
     return {
-        "seconds": _stages(
-            prepared.fronts.values(), {"gravity": prepared.grounding.seconds} | solution.seconds, mapping_s
+        "seconds": _stages(prepared.fronts.values(), {"gravity": gravity_s} | solution.seconds, mapping_s),
+        "seconds_spent": _stages(
+            paid, {"gravity": 0.0 if prepared.shared else gravity_s} | solution.seconds_spent, mapping_s
         ),
-        "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
