@@ -34,9 +34,8 @@ def split(
 
     Example: wiclosure split ~/kitti --sequence 08 --robots 3 --out data/kitti08
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.split import split_kitti
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 
@@ -47,7 +46,7 @@ def split(
 
     with warnings_on_terminal():
         split_kitti(kitti, sequence, robots, out, overlap=overlap, heard=heard if radio else None, overwrite=overwrite)
-    Console().print(f"data set of {robots} robots in {out}; merge it with: wiclosure run {out}")
+    show(f"data set of {robots} robots in {out}; merge it with: wiclosure run {out}")
 
 
 def init(
@@ -95,10 +94,9 @@ def info(
 
     Of a recording: topics, types, counts, duration, point fields.
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.folders.overview import overview, recording_overview
     from wiclosure.pipeline.report.tables import overview_table, recording_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
 
     with warnings_on_terminal():
@@ -108,4 +106,4 @@ def info(
         content = [asdict(entry) for entry in entries] if recording is None else asdict(recording)
         typer.echo(json.dumps(content, indent=2, default=str))
     else:
-        Console().print(overview_table(path, entries) if recording is None else recording_table(recording))
+        show(overview_table(path, entries) if recording is None else recording_table(recording))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.comparison.figures import FIGURES, ArmSummary, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.comparison.statistics import Spread
@@ -103,7 +104,7 @@ def _text(value: float) -> str:
         return "unknown"
     if float(value).is_integer():
         return f"{value:,.0f}"
-    return f"{value:,.0f}" if value >= 100 else f"{value:#.2g}".rstrip(".")
+    return significant(value)
 
 
 def _next(comparison: Comparison, name: str) -> list[str]:

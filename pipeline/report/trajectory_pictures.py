@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wiclosure.colours import robot_colour
+from wiclosure.display import significant
 from wiclosure.pipeline.report.pictures import FAINT, FALSE, INK, new_figure, save
 from wiclosure.types import FloatArray
 
@@ -90,7 +91,7 @@ def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
         axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=3)
     _draw_closures(axes, view.closures[~view.false], INK, ".", "accepted closure")
     _draw_closures(axes, view.closures[view.false], FALSE, "x", "accepted and false")
-    error = "" if view.ate_m is None else ", ATE " + f"{view.ate_m:#.3g}".rstrip(".") + " m"
+    error = "" if view.ate_m is None else f", ATE {significant(view.ate_m)} m"
     false = f", {view.false.sum()} of them false" if view.false.any() else ""
     axes.set_title(f"{title}\n{len(view.closures)} closures{false}{error}", fontsize=11)
     if apart := [robot for robot in view.odometry if robot not in view.paths]:

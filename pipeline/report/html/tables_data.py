@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics
 
 _CLOSING = ("filter", "matching", "verification", "optimisation")
+_ERROR = "error against ground truth (ATE)"
 _UNIT = {
-    "error against ground truth (ATE)": "m",
+    _ERROR: "m",
     "time to find and use closures": "s",
     "time in all": "s",
     "sent between robots": "MB",
@@ -114,7 +116,10 @@ def _yes(value: bool | None) -> str | None:
 def side_by_side(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
     """A table: one column for each arm; below each value what it differs from the first arm's by."""
     figures = [_figures(metrics) for _, metrics in arms]
-    rows = [[label, *_cells([of[label] for of in figures], _UNIT.get(label, ""))] for label in figures[0]]
+    rows = [
+        [label, *_cells([of[label] for of in figures], _UNIT.get(label, ""), apart=label == _ERROR)]
+        for label in figures[0]
+    ]
     return {
         "caption": "Arms side by side",
         "header": ["", *(name for name, _ in arms)],
@@ -126,7 +131,7 @@ def side_by_side(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
 def _figures(metrics: Metrics) -> dict[str, float | None]:
     seconds, recall, sent = metrics["seconds"], metrics["candidates"]["recall"], metrics["bytes_exchanged"]
     return {
-        "error against ground truth (ATE)": metrics["ate_m"].get("team"),
+        _ERROR: metrics["ate_m"].get("team"),
         "robots in one map": len(metrics["components"][0]["robots"]),
         "pairs of keyframes kept": metrics["pairs_kept"],
         "true pairs kept": None if recall is None else 100 * recall,
@@ -139,15 +144,21 @@ def _figures(metrics: Metrics) -> dict[str, float | None]:
     }
 
 
-def _cells(values: Sequence[float | None], unit: str) -> list[dict[str, str]]:
-    """Text of each value, all with as many decimals, and the difference from the first."""
-    decimals = _decimals([value for value in values if value is not None])
+def _cells(values: Sequence[float | None], unit: str, *, apart: bool = False) -> list[dict[str, str]]:
+    """Text of each value, and its difference from the first.
+
+    All have as many decimals; those that may be orders of magnitude `apart`, as errors are, have two digits each.
+    """
+    known = [value for value in values if value is not None]
+    decimals = _decimals([min(known, key=abs)] if apart and known else known) - (1 if apart else 0)
+    decimals = max(decimals, 0)
     space = f" {unit}" if unit else ""
 
     def cell(value: float | None) -> dict[str, str]:
         if value is None:
             return {"text": "-", "note": ""}
-        return {"text": f"{value:,.{decimals}f}{space}", "note": _difference(value, values[0], decimals, space)}
+        text = significant(value) if apart else f"{value:,.{decimals}f}"
+        return {"text": f"{text}{space}", "note": _difference(value, values[0], decimals, space)}
 
     first, *others = values
     return [cell(first) | {"note": ""}, *map(cell, others)]
