@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import gtsam
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import Keys
 from wiclosure.display import closure_columns, data_frame, html_table, plot_paths
 from wiclosure.errors import InputError
@@ -35,6 +36,7 @@ class GraphResult:
         graph: odometry, accepted closures, radio and one anchor for each component.
         values: the estimate in GTSAM's form.
         sigma_scale: factor on the standard deviations in `graph`.
+        ground: what is known of the Earth; the world of the robots in `ground.placed` is its local east, north, up.
     """
 
     trajectories: dict[str, Trajectory]
@@ -45,6 +47,7 @@ class GraphResult:
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     sigma_scale: float = 1.0
+    ground: Ground = field(default_factory=Ground)
 
     def __repr__(self) -> str:
         joined = "; ".join(" and ".join(component) for component in self.components)

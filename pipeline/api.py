@@ -19,7 +19,7 @@ from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import CallbackProgress, NoProgress, Progress
 from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages import run as stages
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import WirelessLog
 
 PathLike: TypeAlias = str | Path
@@ -83,7 +83,7 @@ def run(
     shown = _progress(progress)
     kept = StageCache(default_cache_folder() if cache else None)
     prepared = stages.prepare(inputs, resolved, cache=kept, jobs=jobs, progress=shown)
-    return stages.run(prepared, chosen, progress=shown)
+    return stages.run_stages(prepared, chosen, progress=shown)
 
 
 def _progress(wanted: bool | Callable[[str, int, int | None], None]) -> Progress:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, Reading, Result, Working, grouped
+from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, RecordingOptions, Result, Working, grouped
 from wiclosure.pipeline.cli.viewing import Viewers, Viewing
 
 if TYPE_CHECKING:
@@ -19,28 +20,35 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.plan import Plan
 
 
-@grouped
-def compare_command(
-    data: Data,
-    *,
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """What is compared."""
+
     filters: Annotated[
         str, typer.Option("--filters", help="comma-separated names; the others are compared with the first")
-    ] = ("none,wiclosure"),
+    ] = "none,wiclosure"
     presets: Annotated[
         str | None,
         typer.Option(
             "--presets", help="comma-separated presets or YAML files, each laid over --config", show_default=False
         ),
-    ] = None,
+    ] = None
     seeds: Annotated[
         int,
         typer.Option(
             "--seeds", min=1, help="number of worlds of a scenario, or of draws of the random filter over recordings"
         ),
-    ] = 1,
+    ] = 1
+
+
+@grouped
+def compare_command(
+    data: Data,
+    *,
+    arms: Arms,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
     viewing: Viewing,
 ) -> None:
@@ -57,7 +65,7 @@ def compare_command(
     from wiclosure.pipeline.cli.result_folder import result_folder
 
     viewing.require_possible(overwrite=result.overwrite)
-    plan = make_plan(data, filters, presets, seeds, configuration=configuration, reading=reading)
+    plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
     with (
         result_folder(result, data) as (folder, scratch),
         viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
@@ -86,7 +94,7 @@ def demo(
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
         settings = Configuration(config="small-site", seed=seed)
-        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=Reading())
+        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=RecordingOptions())
         compared = _compared(plan, scratch, working, viewers)
     _show(compared, folder, working)
 
@@ -98,7 +106,7 @@ def make_plan(
     seeds: int = 1,
     *,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
 ) -> Plan:
     """What these words ask to compare, checked before any work.
 

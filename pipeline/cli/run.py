@@ -18,10 +18,10 @@ from wiclosure.pipeline.cli.options import (
     Data,
     FilterName,
     Overwrite,
-    Quiet,
-    Reading,
+    RecordingOptions,
     Result,
     Set,
+    Showing,
     Working,
     grouped,
     with_accepted_correction,
@@ -29,6 +29,7 @@ from wiclosure.pipeline.cli.options import (
 from wiclosure.pipeline.cli.viewing import Viewing
 
 if TYPE_CHECKING:
+    from wiclosure.pipeline.config import Config
     from wiclosure.pipeline.stages.filtering import Report
 
 
@@ -39,7 +40,7 @@ def run(
     filter_name: FilterName = None,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
     viewing: Viewing,
 ) -> None:
@@ -54,7 +55,8 @@ def run(
       wiclosure run alpha=a.bag beta=b_bag/ --wireless radio.jsonl --filter none --out results/unfiltered
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.report import html, illustrations, tables
+    from wiclosure.pipeline.report import illustrations, tables
+    from wiclosure.pipeline.report.html.report import write_run_report
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
@@ -72,10 +74,10 @@ def run(
             prepared = running.prepare(
                 inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer
             )
-            found = running.run(prepared, chosen, progress=shown, viewer=viewer)
+            found = running.run_stages(prepared, chosen, progress=shown, viewer=viewer)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
-        html.write_run_report(scratch, found)
+        write_run_report(scratch, found)
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:
@@ -104,9 +106,30 @@ class FilterFiles:
         """Writes the page, where there are pictures."""
         if self.plot is None:
             return None
-        from wiclosure.pipeline.report.html import write_filter_report
+        from wiclosure.pipeline.report.html.report import write_filter_report
 
         return write_filter_report
+
+
+@dataclass(frozen=True, slots=True)
+class FilterChoice:
+    """Which filter, and its settings."""
+
+    filter_name: FilterName = None
+    config: ConfigName = None
+    set_: Set = None
+    accept_correction: AcceptCorrection = False
+
+    def resolved(self) -> Config:
+        """The configuration that names the filter.
+
+        Raises:
+            ConfigError: see `wiclosure.pipeline.config.load_config`.
+        """
+        from wiclosure.pipeline.config import resolve
+
+        single = with_accepted_correction(self.set_, accept=self.accept_correction)
+        return resolve(self.config, single, use_filter=self.filter_name)
 
 
 @grouped
@@ -120,12 +143,8 @@ def filter_command(
     wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
     files: FilterFiles,
     *,
-    filter_name: FilterName = None,
-    config: ConfigName = None,
-    set_: Set = None,
-    accept_correction: AcceptCorrection = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    choice: FilterChoice,
+    showing: Showing,
 ) -> None:
     """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
 
@@ -134,22 +153,20 @@ def filter_command(
       wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
     """
     from wiclosure.formats.filter_summary import filter_summary
-    from wiclosure.pipeline.config import resolve
     from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    single = with_accepted_correction(set_, accept=accept_correction)
-    settings = resolve(config, single, use_filter=filter_name)
+    settings = choice.resolved()
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
         logs = sources_of_words(wireless)
         result = filtering.filter_candidates(trajectory, logs, config=settings, outputs=outputs, report=files.report)
-    if as_json:
+    if showing.as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
-    elif not quiet:
+    elif not showing.quiet:
         show(filter_table(result))
 
 

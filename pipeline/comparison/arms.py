@@ -16,14 +16,14 @@ from typing import TypeAlias
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan, World
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.report.html import write_run_report
+from wiclosure.pipeline.report.html.report import write_run_report
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
-from wiclosure.pipeline.stages.registrations import Known
-from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.registrations import KnownRegistrations
+from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_folder import write_run
-from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
+from wiclosure.pipeline.stages.viewing.viewer import NoViewer, Viewer
 
 logger = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ def _compare_in(arms: _Arms, *, cache: StageCache, jobs: int) -> Iterator[Outcom
     for number, configs in enumerate(groups):
         later = firsts[number + 1 :]
         shared = prepare(inputs, firsts[number], cache=cache, jobs=jobs, progress=arms.progress, also=later)
-        known: dict[object, Known] = {}
+        known: dict[object, KnownRegistrations] = {}
         for preset, config in configs.items():
             prepared = replace(shared, config=config, known=known.setdefault(config.registration, {}))
             yield from _compare_filters(prepared, preset, arms)
@@ -93,7 +93,7 @@ def _compare_filters(prepared: Prepared, preset: str, arms: _Arms) -> Iterator[O
             own = replace(prepared, config=_with_random(prepared.config, keep_rate, seed))
             chosen, where = candidate_filter(name, own.inputs, own.config), plan.folder(seed, preset) / name
             with arms.viewed("-".join(where.parts)) as viewer:
-                result = run(own, chosen, progress=arms.progress, viewer=viewer)
+                result = run_stages(own, chosen, progress=arms.progress, viewer=viewer)
             if sketches or world is not plan.worlds[0] or preset != next(iter(plan.configs)):
                 result.metrics["peak_rss_mb"] = None
             (folder / where).mkdir(parents=True)

@@ -22,6 +22,14 @@ class RobotRecording:
         odometry: file (TUM, EuRoC) or bag of the robot's own odometry, in the place of KISS-ICP's, or None.
         odometry_topic: its topic, where it is in a bag: the one named, or that of the scans.
         odometry_settings: settings of odometry that are this robot's own, by name.
+        imu: bag, table or OXTS folder with the robot's inertial measurements; None: the bag or drive of the scans.
+        imu_topic: its topic, where it is in a bag; None takes the only one.
+        imu_pose: `x y z qx qy qz qw` of the IMU in the LiDAR's frame; None: found.
+        imu_units: of acceleration and turning rate.
+        imu_time_offset: seconds to add to the IMU's stamps, besides `time_offset`.
+        gnss: bag, table or OXTS folder with positions on the Earth, or None.
+        gnss_topic: its topic: in the bag named, or that of the scans.
+        gnss_antenna: `x y z` of the antenna in the LiDAR's frame.
         lidar_pose: `x y z qx qy qz qw` of the LiDAR in the body frame of that odometry; None: they are the same.
     """
 
@@ -36,6 +44,14 @@ class RobotRecording:
     layout: str | None = None
     ground_truth_topic: str | None = None
     odometry_settings: Mapping[str, object] = field(default_factory=dict)
+    imu: Path | None = None
+    imu_topic: str | None = None
+    imu_pose: tuple[float, ...] | None = None
+    imu_units: tuple[str, ...] | None = None
+    imu_time_offset: float = 0.0
+    gnss: Path | None = None
+    gnss_topic: str | None = None
+    gnss_antenna: tuple[float, ...] | None = None
 
     @property
     def time_offset_ns(self) -> int:

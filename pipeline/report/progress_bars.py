@@ -21,13 +21,13 @@ from rich.text import Text
 
 from wiclosure.pipeline.report.terminal import moves_cursor, terminal
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 
 class BarProgress:
     """One bar for each piece of work, on standard error; nothing where that is not a terminal."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items, with a bar."""
         with _bars() as bars:
             yield from bars.track(items, total=total, description=label)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from wiclosure.frontends.front_end import Followed
 from wiclosure.frontends.front_end_result import FrontEndResult
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, FilterResult
 
 

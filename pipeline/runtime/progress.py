@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol, TypeVar
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 
 class Progress(Protocol):
     """Shows how far long work is."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items, shown as they pass."""
         ...
 
@@ -31,7 +31,7 @@ class CallbackProgress:
     def __init__(self, told: Callable[[str, int, int | None], None]) -> None:
         self._told = told
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items, told as they are done."""
         if total is None and isinstance(items, Sized):
             total = len(items)
@@ -48,7 +48,7 @@ class CallbackProgress:
 class NoProgress:
     """Shows nothing."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items."""
         return iter(items)
 

@@ -12,12 +12,12 @@ from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair
+from wiclosure.pipeline.mutual_check.radio_check import radio_checked
 from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.radio_check import radio_checked
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.pipeline.stages.viewer import Viewer
+from wiclosure.pipeline.stages.viewing.viewer import Viewer
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
 
 

@@ -24,7 +24,7 @@ from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wan
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages.reading_ahead import read_ahead
-from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
+from wiclosure.pipeline.stages.viewing.viewer import NoViewer, Viewer
 from wiclosure.types import Scan
 
 Shown: TypeAlias = Callable[[str, int, Followed | None], None]

@@ -77,7 +77,7 @@ def _read(there: socket.socket) -> None:
         while True:
             try:
                 item = next(scans, None)
-            except Exception as error:  # what it is, is for the other end to judge
+            except Exception as error:  # what it is, is for the other end to tell
                 item = _sendable(error)
             _send(there, item)
             if not isinstance(item, Scan):

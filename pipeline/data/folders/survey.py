@@ -24,7 +24,7 @@ from wiclosure.pipeline.sources.folder import layouts_of
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
 from wiclosure.pipeline.sources.open import LOADERS
 
-Kind: TypeAlias = Literal["recording", "trajectory", "radio", "data set", "unknown"]
+FileKind: TypeAlias = Literal["recording", "trajectory", "radio", "data set", "unknown"]
 
 _DEPTH = 2
 _TEXT = {".csv", ".tsv", ".txt", ".tum", ".log", ".dat", ".jsonl", ".pyfg"}
@@ -48,7 +48,7 @@ class Found:
     """
 
     path: Path
-    kind: Kind
+    kind: FileKind
     holds: str
     recording: RecordingInfo | None = None
     radio: tuple[UnusedRadio, ...] = ()
@@ -148,7 +148,7 @@ def _table(path: Path, table: TextTable) -> Found:
     rows = [cells for _, (_, cells) in zip(range(_FEW_ROWS), table.rows(), strict=False)]
     if (len(table.columns) == 8 and _are_poses(rows)) or trajectory_kind(path) == "euroc":
         return _trajectory(path)
-    known = guess(table.columns) if table.has_header else {}
+    known = guess(table.columns, table.units) if table.has_header else {}
     if preset := preset_of_header(table.columns):
         return Found(path, "radio", f"table as of preset {preset.name}")
     if "stamp" in known and known.keys() & {"range", "azimuth"}:

@@ -13,7 +13,7 @@ from wiclosure.pipeline.report.html.run_data import tracks_of
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement
 from wiclosure.pipeline.report.viewer import columns
 from wiclosure.pipeline.report.viewer.own_frames import BLUE, ORANGE, caption
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, FloatArray, FrameAlignment, IntArray
 
 SPACE = "map"

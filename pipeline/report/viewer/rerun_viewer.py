@@ -13,7 +13,7 @@ from wiclosure.frontends.front_end import Followed
 from wiclosure.frontends.front_end_result import FrontEndResult
 from wiclosure.pipeline.report.viewer import merged_world, own_frames
 from wiclosure.pipeline.report.viewer.blueprint import blueprint
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, FilterResult
 
 logger = logging.getLogger(__name__)

@@ -24,9 +24,8 @@ from wiclosure.pipeline.data.odometry_reader import near_origin
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import Encoding, serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE, read_odometry_topic
 from wiclosure.pipeline.stages.odometry import front_ends, remarks

@@ -21,8 +21,7 @@ from wiclosure.frontends.front_end_result import FrontEndCounts, FrontEndResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
-from wiclosure.pipeline.stages.run import RunResult
-from wiclosure.pipeline.stages.solve import Solution
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.types import (
     AlignmentHypothesis,
     AoaPath,

@@ -8,7 +8,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def test_a_run_shows_its_figures(run_of: Callable[..., RunResult], lost_run: RunResult) -> None:

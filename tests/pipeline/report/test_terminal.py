@@ -14,7 +14,7 @@ from rich.table import Table
 
 from wiclosure.pipeline.report import tables
 from wiclosure.pipeline.report.terminal import Fitted, show
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 WIDTHS = (60, 80, 120, 200)
 SENTENCE = "alpha and beta: contradicts the radio consistency check of 12 measurements; look at radio.jsonl"

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from wiclosure.frontends.front_end import Followed
 from wiclosure.pipeline.report.viewer import RerunViewer, Window
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, Stage, survivors
 
 Rows = Callable[[Path], Counter[str]]

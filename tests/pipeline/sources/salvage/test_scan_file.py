@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.salvage.found import Damage
-from wiclosure.pipeline.sources.salvage.recover import scan_file
+from wiclosure.pipeline.sources.scanned_bag import scan_file
 
 KINDS = ["ros1", "mcap", "sqlite3"]
 START_NS, COUNT = 1_700_000_000_000_000_000, 12

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.pipeline.stages.radio_check import radio_checked
+from wiclosure.pipeline.mutual_check.radio_check import radio_checked
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage
 
 
