@@ -71,7 +71,8 @@ class NormalMatrix:
         """Of whitened derivatives `(M, 6, 6)` by both ends of the edges, weighted `(M,)`.
 
         Args:
-            A, B: derivatives by the first and the second end.
+            A: derivatives by the first end.
+            B: derivatives by the second end.
             weights: of the edges.
             held: nodes that do not move.
             damping: share of the diagonal that is added to it.

@@ -16,7 +16,7 @@ from wiclosure.errors import ConfigError, OutputError
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.report.viewer import Window
-    from wiclosure.pipeline.stages.viewing.viewer import Viewer
+    from wiclosure.pipeline.stages.viewer import Viewer
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,7 @@ class Viewers:
             OutputError: the file cannot be written.
         """
         from wiclosure.pipeline.report.stage_lines import StageLines
-        from wiclosure.pipeline.stages.viewing.together import Together
-        from wiclosure.pipeline.stages.viewing.viewer import NoViewer
+        from wiclosure.pipeline.stages.viewer import NoViewer, Together
 
         said = StageLines(name if several else "") if self.lines else NoViewer()
         with ExitStack() as stack:

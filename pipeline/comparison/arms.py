@@ -23,7 +23,7 @@ from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.stages.registrations import KnownRegistrations
 from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_folder import write_run
-from wiclosure.pipeline.stages.viewing.viewer import NoViewer, Viewer
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 
 logger = logging.getLogger(__name__)
 

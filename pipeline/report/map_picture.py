@@ -15,6 +15,7 @@ from wiclosure.types import FloatArray
 POINTS = 400_000
 _WIDTH_IN = 8.0
 _MARGIN_M = 20.0
+_EDGE_M = 1.0
 
 
 def draw_map(path: Path, merged: MergedMap, paths: Mapping[str, FloatArray]) -> None:
@@ -32,8 +33,7 @@ def draw_map(path: Path, merged: MergedMap, paths: Mapping[str, FloatArray]) -> 
         OutputError: the picture cannot be written.
     """
     driven = np.concatenate([place[:, :2] for place in paths.values() if len(place)])
-    span_m = np.ptp(driven, axis=0).max()
-    low, high = (driven.min(axis=0) - _margin(span_m), driven.max(axis=0) + _margin(span_m))
+    low, high = _window(merged, driven)
     width, height = high - low
     figure = new_figure(_WIDTH_IN, _WIDTH_IN * float(np.clip(height / width, 0.4, 1.3)) + 0.4)
     axes = figure.subplots()
@@ -49,8 +49,16 @@ def draw_map(path: Path, merged: MergedMap, paths: Mapping[str, FloatArray]) -> 
     save(figure, path)
 
 
-def _margin(span_m: float) -> float:
-    return max(_MARGIN_M, 0.15 * span_m)
+def _window(merged: MergedMap, driven: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corners of what is shown: where robots were with some metres around, as far as nearly all points there reach."""
+    low, high = driven.min(axis=0), driven.max(axis=0)
+    margin_m = max(_MARGIN_M, 0.15 * float((high - low).max()))
+    places = merged.points[:, :2].astype(float)
+    near = places[((places >= low - margin_m) & (places <= high + margin_m)).all(axis=1)]
+    if not len(near):
+        return low - margin_m, high + margin_m
+    least, most = np.quantile(near, [0.001, 0.999], axis=0)
+    return np.minimum(low, least) - _EDGE_M, np.maximum(high, most) + _EDGE_M
 
 
 def _shown(merged: MergedMap, low: FloatArray, high: FloatArray) -> np.ndarray:

@@ -17,7 +17,7 @@ from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.pipeline.stages.viewing.viewer import Viewer
+from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
 
 

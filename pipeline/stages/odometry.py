@@ -22,9 +22,9 @@ from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
 from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.runtime.reading_ahead import read_ahead
 from wiclosure.pipeline.runtime.settings_text import explain
-from wiclosure.pipeline.stages.reading_ahead import read_ahead
-from wiclosure.pipeline.stages.viewing.viewer import NoViewer, Viewer
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import Scan
 
 Shown: TypeAlias = Callable[[str, int, Followed | None], None]

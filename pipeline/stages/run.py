@@ -25,7 +25,7 @@ from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
-from wiclosure.pipeline.stages.viewing.viewer import NoViewer, Viewer
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import KeyframeId
 from wiclosure.wiclosure_filter.registry import make_filter
 

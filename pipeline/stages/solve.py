@@ -20,7 +20,7 @@ from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.run_result import Solution
-from wiclosure.pipeline.stages.viewing.viewer import Viewer
+from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)

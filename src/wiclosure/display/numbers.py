@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_SMALL = 1e-4
+
 
 def significant(value: float, digits: int = 2) -> str:
     """So many significant digits, trailing zeros among them; whole numbers are not cut: 0.12, 8.0, 0.036, 123.
@@ -15,5 +17,7 @@ def significant(value: float, digits: int = 2) -> str:
     rounded = float(f"{value:.{digits - 1}e}")
     if not rounded:
         return f"{0:.{digits - 1}f}"
+    if abs(rounded) < _SMALL:
+        return f"{value:.{digits - 1}e}"
     decimals = digits - 1 - math.floor(math.log10(abs(rounded)))
     return f"{value:,.{max(0, decimals)}f}"

@@ -6,7 +6,7 @@ import pytest
 
 from wiclosure.pipeline.report.stage_lines import StageLines
 from wiclosure.pipeline.stages.run_result import RunResult
-from wiclosure.pipeline.stages.viewing.together import Together
+from wiclosure.pipeline.stages.viewer import Together
 from wiclosure.types import Closure
 
 

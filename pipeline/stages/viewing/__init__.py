@@ -1,1 +1,0 @@
-"""Who looks at a run while it goes."""
