@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from wiclosure.backends.merged_map import MergedMap
 from wiclosure.colours import robot_colour
 from wiclosure.pipeline.report.pictures import INK, new_figure, save
 from wiclosure.types import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 POINTS = 400_000
 _WIDTH_IN = 8.0
@@ -39,7 +43,8 @@ def draw_map(path: Path, merged: MergedMap, paths: Mapping[str, FloatArray]) -> 
     axes = figure.subplots()
     rows = _shown(merged, low, high)
     pale = 1.0 - 0.65 * (1.0 - merged.colours[rows] / 255)
-    axes.scatter(merged.points[rows, 0], merged.points[rows, 1], s=0.25, c=pale, linewidths=0, rasterized=True)
+    size = _point_size(figure, len(rows))
+    axes.scatter(merged.points[rows, 0], merged.points[rows, 1], s=size, c=pale, linewidths=0, rasterized=True)
     for number, (robot, place) in enumerate(paths.items()):
         if len(place):
             axes.plot(*place[:, :2].T, color="white", linewidth=3.6, zorder=3)
@@ -59,6 +64,12 @@ def _window(merged: MergedMap, driven: FloatArray) -> tuple[FloatArray, FloatArr
         return low - margin_m, high + margin_m
     least, most = np.quantile(near, [0.001, 0.999], axis=0)
     return np.minimum(low, least) - _EDGE_M, np.maximum(high, most) + _EDGE_M
+
+
+def _point_size(figure: Figure, points: int) -> float:
+    """Area of a point, in square points of print: few points are drawn larger, so that walls are seen as such."""
+    width, height = 72 * figure.get_size_inches()
+    return float(np.clip(0.5 * width * height / max(points, 1), 0.25, 1.5))
 
 
 def _shown(merged: MergedMap, low: FloatArray, high: FloatArray) -> np.ndarray:

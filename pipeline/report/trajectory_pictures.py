@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -102,7 +103,7 @@ def _draw_own_frames(axes: Axes, view: MergedView, robots: Sequence[str]) -> Non
     """Each robot's odometry from its own start, one beside the other: what nothing has brought together yet."""
     places = [view.odometry[robot] - view.odometry[robot].min(axis=0) for robot in robots]
     width_m, height_m = np.max([np.maximum(place.max(axis=0), 1.0) for place in places], axis=0)
-    columns = _columns(len(robots), height_m / width_m)
+    columns = _columns(len(robots), float(height_m / width_m))
     for n, (robot, place) in enumerate(zip(robots, places, strict=True)):
         row, column = divmod(n, columns)
         cell = np.array([1.2 * column * width_m, -1.2 * row * height_m])
@@ -111,8 +112,8 @@ def _draw_own_frames(axes: Axes, view: MergedView, robots: Sequence[str]) -> Non
 
 
 def _columns(robots: int, height_by_width: float) -> int:
-    """How many robots stand in a row, so that all of them fill about a square."""
-    return max(1, min(robots, round(np.sqrt(robots * height_by_width))))
+    """How many robots stand in a row, so that all of them fill a panel, which is half as wide again as it is high."""
+    return max(1, min(robots, round(math.sqrt(1.5 * robots * height_by_width))))
 
 
 def _draw_scale(axes: Axes, width_m: float, y_m: float) -> None:
@@ -120,7 +121,7 @@ def _draw_scale(axes: Axes, width_m: float, y_m: float) -> None:
     length_m = 10.0 ** np.floor(np.log10(max(width_m, 1e-3)))
     length_m *= next(factor for factor in (5.0, 2.0, 1.0) if factor * length_m <= width_m or factor == 1.0)
     axes.plot([0.0, length_m], [y_m, y_m], color=INK, linewidth=2.0, solid_capstyle="butt")
-    axes.annotate(f"{length_m:g} m", (length_m, y_m), (5, 0), textcoords="offset points", va="center", fontsize=10)
+    axes.annotate(f"{length_m:g} m", (0.0, y_m), (0, -3), textcoords="offset points", va="top", fontsize=10)
 
 
 def _draw_apart(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
