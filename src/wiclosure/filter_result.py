@@ -110,6 +110,12 @@ class FrameAlignment:
         best_alternative: the best *different* alignment, or None.
         likely_alternatives: where the doubt is between a few clear alignments, those that are likely besides `best`.
         heading_knowledge: `heading`, `reciprocal`, `one-way`, `range-only` or `none`.
+        fit: how many measurements agree.
+        suspected_fault: what seems to be wrong with log or odometry, as a sentence, or an empty string.
+        calibration, calibration_covariance: constant errors that were estimated along with it.
+        corrections: faults of the log that were corrected.
+        strain: sum of squares, in standard deviations, by which the measurements bend odometry and constant errors.
+        strain_probability: that they bend them as far if both err as usual.
     """
 
     robot_a: str
@@ -126,6 +132,8 @@ class FrameAlignment:
     calibration: tuple[Calibration, ...] = ()
     calibration_covariance: FloatArray | None = None
     corrections: tuple[str, ...] = ()
+    strain: float = 0.0
+    strain_probability: float = 1.0
 
     def __repr__(self) -> str:
         verdict = "ambiguous" if self.ambiguous else "certain"
