@@ -165,7 +165,7 @@ def _tables(comparison: Comparison, arms: Sequence[ArmSummary]) -> list[dict[str
                     str(o.seed),
                     o.preset,
                     o.filter,
-                    o.metrics["ate_m"]["team"],
+                    None if (error_m := o.metrics["ate_m"]["team"]) is None else significant(error_m),
                     o.metrics["closures"]["accepted"],
                     o.metrics["closures"]["accepted_false"],
                     FIGURES["closing_s"].value(o.metrics),

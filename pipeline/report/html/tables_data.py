@@ -68,7 +68,7 @@ def _trajectory_errors(metrics: Metrics) -> dict[str, Any]:
         "caption": "Absolute trajectory error, m: one alignment for all connected robots",
         "header": ["robot", "merged", "without heights", "each robot aligned on its own", "odometry alone"],
         "rows": [
-            [robot, error, horizontal.get(robot), own.get(robot), odometry.get(robot)]
+            [robot, *map(_metres, (error, horizontal.get(robot), own.get(robot), odometry.get(robot)))]
             for robot, error in metrics["ate_m"].items()
         ],
     }
@@ -79,7 +79,7 @@ def _between_robots(metrics: Metrics) -> dict[str, Any]:
         "caption": "Between robots, against ground truth",
         "header": ["robots", "translation error, m", "rotation error, degrees", "radio ambiguous"],
         "rows": [
-            [pair, of["translation_error_m"], of["rotation_error_deg"], _yes(of["ambiguous"])]
+            [pair, _metres(of["translation_error_m"]), of["rotation_error_deg"], _yes(of["ambiguous"])]
             for pair, of in metrics["alignment"].items()
         ],
     }
@@ -106,6 +106,10 @@ def _relative_errors(metrics: Metrics) -> dict[str, Any]:
             for robot, of in metrics["rpe"].items()
         ],
     }
+
+
+def _metres(value: float | None) -> str | None:
+    return None if value is None else significant(value)
 
 
 def _yes(value: bool | None) -> str | None:
