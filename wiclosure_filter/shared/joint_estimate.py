@@ -22,11 +22,11 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray, PredictionKind
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
 from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.joint_factors import (
