@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.merged_map import MergedMap
-from wiclosure.display import closure_columns, data_frame, html_table
+from wiclosure.display import closure_columns, data_frame, html_table, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
@@ -91,7 +91,7 @@ class RunResult:
             ("not connected", " and ".join(self.solution.graph.unconnected)),
             ("candidate pairs", f"{metrics['pairs_kept']:,} of {metrics['pairs_total']:,} kept"),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
-            ("team ATE", "" if team_m is None else f"{team_m:.3f} m"),
+            ("team ATE", "" if team_m is None else f"{significant(team_m)} m"),
             ("seconds", f"{metrics['seconds']['total']:.1f}"),
             *(("remark", sentence) for sentence in metrics["diagnosis"]),
         ]
