@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help setup test test-slow lint demo bench browser report-bundle package clean
+.PHONY: help setup test test-slow lint demo docs bench browser report-bundle package clean
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -30,6 +30,10 @@ test-slow: setup ## the tests that take longer: recorded drives, packaging
 
 demo: setup ## simulate two robots, merge them with the wireless filter off and on
 	$(BIN)/wiclosure demo --out results/demo --overwrite
+
+docs: setup ## the site, strictly, into build/docs
+	$(BIN)/sphinx-build -b html -W --keep-going -q docs build/docs
+	@echo "open build/docs/index.html"
 
 BENCHMARKS := startup pointcloud2 odometry raycast simulation drift alignment filter front_end back_end report
 bench: setup ## every benchmark (an hour or two)

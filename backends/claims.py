@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.edges import DEGREES, mahalanobis_squared
+from wiclosure.backends.edges import mahalanobis_squared
+from wiclosure.backends.normal_matrix import DEGREES
 from wiclosure.types import FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.edges import DEGREES, Edges, System
+from wiclosure.backends.edges import Edges, System
+from wiclosure.backends.normal_matrix import DEGREES
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent

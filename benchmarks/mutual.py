@@ -24,7 +24,8 @@ from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import AoaFrame, AoaPath, Heading, Scan, Trajectory, WirelessLog, WirelessMeasurement
 
@@ -221,7 +222,7 @@ def main() -> None:
             if label not in {"honest", "none"} and spoilt.wireless == inputs.wireless:
                 continue
             began = time.perf_counter()
-            result = run(
+            result = run_stages(
                 replace(prepared, inputs=spoilt), candidate_filter(filter_name, spoilt, config), progress=progress
             )
             outcome = Outcome.of(result, time.perf_counter() - began)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -176,6 +176,15 @@ class FrontEndResult:
             seconds_reading=followed.seconds_reading,
             seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
+        )
+
+    def moved(self, T_new_odom: FloatArray) -> Self:
+        """The same in another frame of the odometry; clouds are in the body's axes and stay."""
+        return replace(
+            self,
+            odometry=self.odometry.moved(T_new_odom),
+            scans=self.scans.moved(T_new_odom),
+            keyframes=self.keyframes.moved(T_new_odom),
         )
 
 

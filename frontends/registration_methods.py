@@ -34,7 +34,7 @@ class RegistrationMethod(Protocol):
         Args:
             result: one of `measure`.
             settings: thresholds.
-            predicted: a prediction exists.  Whether the result agrees with it is for the caller to judge, who rejects
+            predicted: a prediction exists.  Whether the result agrees with it is for the caller to decide, who rejects
                 what contradicts; so a method may ask less of results that have a prediction to pass.
         """
         ...

@@ -1,4 +1,4 @@
-"""Composes the rooms: sources, runs, comparisons, evaluation, and the command line."""
+"""Composes the packages: sources, runs, comparisons, evaluation, and the command line."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.config import Config as Config
     from wiclosure.pipeline.config import load_config as load_config
     from wiclosure.pipeline.sources.open import open_source as open_source
-    from wiclosure.pipeline.stages.run import RunResult as RunResult
+    from wiclosure.pipeline.stages.run_result import RunResult as RunResult
 else:
     __getattr__, __dir__, __all__ = offer(
         __name__,
@@ -17,6 +17,6 @@ else:
             "wiclosure.pipeline.api": "run",
             "wiclosure.pipeline.config": "Config load_config",
             "wiclosure.pipeline.sources.open": "open_source",
-            "wiclosure.pipeline.stages.run": "RunResult",
+            "wiclosure.pipeline.stages.run_result": "RunResult",
         },
     )

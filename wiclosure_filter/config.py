@@ -56,6 +56,11 @@ class AmbiguitySettings(Settings):
         description="chance that an honest radio behind walls agrees as little as an alignment that may be certain; 0:"
         " never asked",
     )
+    weigh_blunders: bool = Field(
+        True,
+        description="where robots moved so that turned or mirrored azimuths, swapped names, or ranges in feet would fit"
+        " as well: count these against a certain alignment",
+    )
     max_yaw_sigma_rad: float = Field(0.35, gt=0.0, description="rad; beyond it errors are no longer Gaussian")
     max_relative_sigma: float = Field(
         0.25, gt=0.0, description="position sigma at the links over the distance of the links; beyond it likewise"

@@ -24,7 +24,7 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
 from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
@@ -139,7 +139,8 @@ class WiClosureFilter:
             alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
         mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
         for pair, alignment in list(alignments.items()):
-            if mixed_up is None and not alignment.suspected_fault:
+            strained = alignment.strain_probability < STRAINED
+            if mixed_up is None and not alignment.suspected_fault and not strained:
                 continue
             fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
             alignments[pair] = with_fault(alignment, fault)

@@ -1,5 +1,12 @@
 """The command line: typer lives here and nowhere else."""
 
-from wiclosure.pipeline.cli.commands import INTERRUPTED, app, main
+from typing import TYPE_CHECKING
 
-__all__ = ["INTERRUPTED", "app", "main"]
+from wiclosure.lazy import offer
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.cli.commands import INTERRUPTED as INTERRUPTED
+    from wiclosure.pipeline.cli.commands import app as app
+    from wiclosure.pipeline.cli.commands import main as main
+else:
+    __getattr__, __dir__, __all__ = offer(__name__, {"wiclosure.pipeline.cli.commands": "INTERRUPTED app main"})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,36 +12,45 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, Reading, Result, Working, grouped
+from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, RecordingOptions, Result, Working, grouped
+from wiclosure.pipeline.cli.viewing import Viewers, Viewing
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.outcomes import Comparison
     from wiclosure.pipeline.comparison.plan import Plan
 
 
-@grouped
-def compare_command(
-    data: Data,
-    *,
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """What is compared."""
+
     filters: Annotated[
         str, typer.Option("--filters", help="comma-separated names; the others are compared with the first")
-    ] = ("none,wiclosure"),
+    ] = "none,wiclosure"
     presets: Annotated[
         str | None,
         typer.Option(
             "--presets", help="comma-separated presets or YAML files, each laid over --config", show_default=False
         ),
-    ] = None,
+    ] = None
     seeds: Annotated[
         int,
         typer.Option(
             "--seeds", min=1, help="number of worlds of a scenario, or of draws of the random filter over recordings"
         ),
-    ] = 1,
+    ] = 1
+
+
+@grouped
+def compare_command(
+    data: Data,
+    *,
+    arms: Arms,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
+    viewing: Viewing,
 ) -> None:
     """Run the same recordings with different filters and presets, over shared odometry and registrations (A/B).
 
@@ -54,15 +64,20 @@ def compare_command(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
 
-    plan = make_plan(data, filters, presets, seeds, configuration=configuration, reading=reading)
-    with result_folder(result, data) as (folder, scratch):
-        compared = _compared(plan, scratch, working)
+    viewing.require_possible(overwrite=result.overwrite)
+    plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
+    with (
+        result_folder(result, data) as (folder, scratch),
+        viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+    ):
+        compared = _compared(plan, scratch, working, viewers)
     _show(compared, folder, working)
 
 
 @grouped
 def demo(
     result: Result,
+    viewing: Viewing,
     seed: Annotated[int, typer.Option("--seed", help="each seed gives another world")] = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -71,15 +86,16 @@ def demo(
     from wiclosure.pipeline.data.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
+    viewing.require_possible(overwrite=result.overwrite)
     working = Working(no_cache=True, quiet=quiet)
-    with result_folder(result) as (folder, scratch):
+    with result_folder(result) as (folder, scratch), viewing.viewers(folder, scratch, quiet=quiet) as viewers:
         scenario = make_scenario("demo-site", ScenarioSettings(seed=seed))
         (scratch / "data").mkdir()
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
         settings = Configuration(config="small-site", seed=seed)
-        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=Reading())
-        compared = _compared(plan, scratch, working)
+        plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=RecordingOptions())
+        compared = _compared(plan, scratch, working, viewers)
     _show(compared, folder, working)
 
 
@@ -90,7 +106,7 @@ def make_plan(
     seeds: int = 1,
     *,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
 ) -> Plan:
     """What these words ask to compare, checked before any work.
 
@@ -127,13 +143,16 @@ def _words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def _compared(plan: Plan, folder: Path, working: Working) -> Comparison:
+def _compared(plan: Plan, folder: Path, working: Working, viewers: Viewers) -> Comparison:
     """Runs every arm and writes all into `folder`."""
     from wiclosure.pipeline.comparison import arms
     from wiclosure.pipeline.comparison.comparison_folder import write_comparison
     from wiclosure.pipeline.comparison.page import write_comparison_page
 
-    compared = arms.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
+    viewed = partial(viewers.of, several=True)
+    compared = arms.compare(
+        plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress, viewed=viewed
+    )
     write_comparison(folder, compared)
     write_comparison_page(folder, compared)
     return compared

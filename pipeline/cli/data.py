@@ -3,31 +3,47 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import AsJson, NewFolder, Overwrite, Salvage
+from wiclosure.pipeline.cli.options import AsJson, NewFolder, Overwrite, Salvage, grouped
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.data.dataset import Dataset
     from wiclosure.types import WirelessLog
 
 
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What each robot has of the drive."""
+
+    sequence: Annotated[
+        str | None, typer.Option("--sequence", help="name of the sequence, for example 08", show_default=False)
+    ] = None
+    robots: Annotated[int, typer.Option("--robots", min=2, help="number of robots")] = 3
+    overlap: Annotated[
+        float, typer.Option("--overlap", min=0, max=0.99, help="share of each part that the next robot drives as well")
+    ] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedRadio:
+    """What the robots measure of each other."""
+
+    radio: Annotated[bool, typer.Option(help="simulate a wireless log from the poses")] = True
+    seed: Annotated[int, typer.Option("--seed", help="seed of the simulated radio")] = 0
+
+
+@grouped
 def split(
     kitti: Annotated[Path, typer.Argument(metavar="KITTI_DIR", help="folder of the KITTI odometry data set")],
     out: NewFolder,
-    sequence: Annotated[
-        str | None, typer.Option("--sequence", help="name of the sequence, for example 08", show_default=False)
-    ] = None,
-    robots: Annotated[int, typer.Option("--robots", min=2, help="number of robots")] = 3,
-    overlap: Annotated[
-        float, typer.Option("--overlap", min=0, max=0.99, help="share of each part that the next robot drives as well")
-    ] = 0.0,
-    radio: Annotated[bool, typer.Option(help="simulate a wireless log from the poses")] = True,
-    seed: Annotated[int, typer.Option("--seed", help="seed of the simulated radio")] = 0,
+    *,
+    parts: Parts,
+    radio: SimulatedRadio,
     overwrite: Overwrite = False,
 ) -> None:
     """Make a multi-robot data set of one KITTI sequence: contiguous parts that start together.
@@ -36,18 +52,20 @@ def split(
     """
     from rich.console import Console
 
-    from wiclosure.pipeline.data.split import split_kitti
+    from wiclosure.pipeline.data.split import find_sequence, split_kitti
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 
     def heard(dataset: Dataset) -> WirelessLog:
         truth = {robot: dataset.ground_truth(robot) for robot in dataset.robots}
         known = {robot: trajectory for robot, trajectory in truth.items() if trajectory is not None}
-        return simulate_wireless_from_poses(known, RadioSettings(), seed)
+        return simulate_wireless_from_poses(known, RadioSettings(), radio.seed)
 
     with warnings_on_terminal():
-        split_kitti(kitti, sequence, robots, out, overlap=overlap, heard=heard if radio else None, overwrite=overwrite)
-    Console().print(f"data set of {robots} robots in {out}; merge it with: wiclosure run {out}")
+        drive = find_sequence(kitti, parts.sequence)
+        log = heard if radio.radio else None
+        split_kitti(drive, parts.robots, out, overlap=parts.overlap, heard=log, overwrite=overwrite)
+    Console().print(f"data set of {parts.robots} robots in {out}; merge it with: wiclosure run {out}")
 
 
 def init(

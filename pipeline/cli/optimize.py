@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import AsJson, ConfigName, Quiet, Result, Set, grouped
+from wiclosure.pipeline.cli.options import ConfigName, Result, Set, Showing, grouped
 
 
 @grouped
@@ -23,8 +23,7 @@ def optimize(
     *,
     config: ConfigName = None,
     set_: Set = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    showing: Showing,
     result: Result,
 ) -> None:
     """Merge several robots' pose graphs, false closures or not: consistency check, then robust estimate.
@@ -44,19 +43,19 @@ def optimize(
 
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.config import resolve
-    from wiclosure.pipeline.report.html import write_optimisation_report
+    from wiclosure.pipeline.report.html.report import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
     from wiclosure.pipeline.stages.merged_folder import summary, write_merged
-    from wiclosure.pipeline.stages.optimising import merge
+    from wiclosure.pipeline.stages.optimising import merge_graphs
 
     settings = resolve(config, set_)
     with result_folder(result, list(map(str, graphs))) as (folder, scratch):
-        merged = merge(graphs, settings)
+        merged = merge_graphs(graphs, settings)
         write_merged(scratch, merged)
         write_optimisation_report(scratch, merged, settings)
-    if as_json:
+    if showing.as_json:
         typer.echo(json.dumps(summary(merged), indent=2, allow_nan=False))
-    elif not quiet:
+    elif not showing.quiet:
         for table in merged_tables(summary(merged)):
             Console().print(table)
         Console().print(f"merged graph and trajectories in {folder}")

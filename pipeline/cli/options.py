@@ -80,6 +80,14 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
+class Showing:
+    """What the terminal shows."""
+
+    quiet: Quiet = False
+    as_json: AsJson = False
+
+
+@dataclass(frozen=True, slots=True)
 class Configuration:
     """What the pipeline is set to."""
 
@@ -106,7 +114,7 @@ class Configuration:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RecordingOptions:
     """How recordings are read."""
 
     topic: Annotated[

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from wiclosure.pipeline.radio.read import RadioReading
 
-app = typer.Typer(
+radio_app = typer.Typer(
     help="Radio logs of any origin: what they hold, as JSON Lines, and whether they fit the robots' trajectories.",
     no_args_is_help=True,
 )
@@ -28,8 +28,8 @@ Trajectories = Annotated[
 ]
 
 
-@app.command()
-def info(
+@radio_app.command("info")
+def radio_info(
     log: Annotated[str | None, typer.Argument(metavar="LOG", help=WIRELESS_HELP)] = None,
     robots: Annotated[
         str | None, typer.Option("--robots", help="names of the robots, with commas between", show_default=False)
@@ -66,7 +66,7 @@ def info(
                 typer.echo(radio.sentence(()))
 
 
-@app.command()
+@radio_app.command()
 def convert(
     log: Log,
     out: Annotated[Path, typer.Option("--out", "-o", help="wireless log (JSON Lines) to write")],
@@ -93,7 +93,7 @@ def convert(
     typer.echo(f"{len(whole.measurements)} measurements, {len(whole.headings)} headings in {out}")
 
 
-@app.command()
+@radio_app.command()
 def messages(out: Annotated[Path, typer.Option("--out", "-o", help="folder of a workspace's sources")]) -> None:
     """Write the ROS 2 package wiclosure_msgs, to build and to publish radio measurements with.
 
@@ -105,7 +105,7 @@ def messages(out: Annotated[Path, typer.Option("--out", "-o", help="folder of a 
     typer.echo(f"written to {target}; build it with: colcon build --packages-select wiclosure_msgs")
 
 
-@app.command()
+@radio_app.command()
 def check(
     data: Annotated[
         list[str] | None,

@@ -17,6 +17,6 @@ def report(
 
     Example: wiclosure report results/latest
     """
-    from wiclosure.pipeline.report.html import write_again
+    from wiclosure.pipeline.report.html.report import write_again
 
     typer.echo(f"report in {write_again(folder)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,18 +16,25 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.outcomes import Comparison
 
 
+@dataclass(frozen=True, slots=True)
+class Worlds:
+    """Where the experiment runs: how often, over which poses, and how far."""
+
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="number of worlds")] = 1
+    seed: Annotated[int, typer.Option("--seed", min=0, help="seed of the first world")] = 0
+    poses: Annotated[
+        Path | None, typer.Option("--poses", help="KITTI poses of sequence 08 (kitti08)", show_default=False)
+    ] = None
+    n_scans: Annotated[
+        int | None, typer.Option("-n", "--n-scans", min=1, help="read at most this many scans of each robot")
+    ] = None
+
+
 @grouped
 def reproduce(
     experiment: Annotated[str, typer.Argument(help="shell-space (Table II) or kitti08 (Table I)")],
     *,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="number of worlds")] = 1,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="seed of the first world")] = 0,
-    poses: Annotated[
-        Path | None, typer.Option("--poses", help="KITTI poses of sequence 08 (kitti08)", show_default=False)
-    ] = None,
-    n_scans: Annotated[
-        int | None, typer.Option("-n", "--n-scans", min=1, help="read at most this many scans of each robot")
-    ] = None,
+    worlds: Worlds,
     set_: Set = None,
     result: Result,
     working: Working,
@@ -46,13 +54,13 @@ def reproduce(
     from wiclosure.pipeline.comparison.page import write_comparison_page
     from wiclosure.pipeline.comparison.tables import comparison_json
 
-    chosen, plan = reproducing.plan_of(experiment, poses=poses, seed=seed, seeds=seeds, n_scans=n_scans, set_=set_)
-    with result_folder(result, [str(poses)] if poses else []) as (folder, scratch):
+    chosen, plan = reproducing.plan_of(experiment, **asdict(worlds), set_=set_)
+    with result_folder(result, [str(worlds.poses)] if worlds.poses else []) as (folder, scratch):
         compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
         write_comparison(scratch, compared)
         write_comparison_page(scratch, compared)
         (scratch / "reproduce.md").write_text(
-            reproducing.reproduction_report(chosen, compared, n_scans), encoding="utf-8"
+            reproducing.reproduction_report(chosen, compared, worlds.n_scans), encoding="utf-8"
         )
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))

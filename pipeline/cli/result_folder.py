@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from wiclosure.pipeline.cli.options import Result
 from wiclosure.pipeline.runtime.log import json_log, warnings_on_terminal
 from wiclosure.pipeline.runtime.output import default_folder, point_latest, require_apart, whole_folder
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.cli.options import Result
 
 
 @contextmanager

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
     WIRELESS_HELP,
     AcceptCorrection,
@@ -20,16 +18,18 @@ from wiclosure.pipeline.cli.options import (
     Data,
     FilterName,
     Overwrite,
-    Quiet,
-    Reading,
+    RecordingOptions,
     Result,
     Set,
+    Showing,
     Working,
     grouped,
     with_accepted_correction,
 )
+from wiclosure.pipeline.cli.viewing import Viewing
 
 if TYPE_CHECKING:
+    from wiclosure.pipeline.config import Config
     from wiclosure.pipeline.stages.filtering import Report
 
 
@@ -40,11 +40,9 @@ def run(
     filter_name: FilterName = None,
     result: Result,
     configuration: Configuration,
-    reading: Reading,
+    reading: RecordingOptions,
     working: Working,
-    visualise: Annotated[
-        bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")
-    ] = False,
+    viewing: Viewing,
 ) -> None:
     """Merge the recordings of several robots into one map.
 
@@ -59,28 +57,33 @@ def run(
     from rich.console import Console
 
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.report import html, illustrations, tables
+    from wiclosure.pipeline.report import illustrations, tables
+    from wiclosure.pipeline.report.html.report import write_run_report
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
-    if visualise:
-        require_screen()
+    viewing.require_possible(overwrite=result.overwrite)
     config = configuration.resolved(use_filter=filter_name)
-    with result_folder(result, data) as (folder, scratch):
+    with (
+        result_folder(result, data) as (folder, scratch),
+        viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+    ):
         inputs = reading.inputs(data)
         chosen = running.candidate_filter(config.use_filter, inputs, config)
-        prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        found = running.run(prepared, chosen, progress=working.progress)
+        shown = working.progress
+        with viewers.of("run") as viewer:
+            prepared = running.prepare(
+                inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer
+            )
+            found = running.run_stages(prepared, chosen, progress=shown, viewer=viewer)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
-        html.write_run_report(scratch, found)
+        write_run_report(scratch, found)
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:
         Console().print(tables.run_table(found.metrics))
         Console().print(f"results in {folder}")
-    if visualise:
-        show_map(folder / "map.ply")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +107,30 @@ class FilterFiles:
         """Writes the page, where there are pictures."""
         if self.plot is None:
             return None
-        from wiclosure.pipeline.report.html import write_filter_report
+        from wiclosure.pipeline.report.html.report import write_filter_report
 
         return write_filter_report
+
+
+@dataclass(frozen=True, slots=True)
+class FilterChoice:
+    """Which filter, and its settings."""
+
+    filter_name: FilterName = None
+    config: ConfigName = None
+    set_: Set = None
+    accept_correction: AcceptCorrection = False
+
+    def resolved(self) -> Config:
+        """The configuration that names the filter.
+
+        Raises:
+            ConfigError: see `wiclosure.pipeline.config.load_config`.
+        """
+        from wiclosure.pipeline.config import resolve
+
+        single = with_accepted_correction(self.set_, accept=self.accept_correction)
+        return resolve(self.config, single, use_filter=self.filter_name)
 
 
 @grouped
@@ -120,12 +144,8 @@ def filter_command(
     wireless: Annotated[list[str], typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP)],
     files: FilterFiles,
     *,
-    filter_name: FilterName = None,
-    config: ConfigName = None,
-    set_: Set = None,
-    accept_correction: AcceptCorrection = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    choice: FilterChoice,
+    showing: Showing,
 ) -> None:
     """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
 
@@ -136,21 +156,19 @@ def filter_command(
     from rich.console import Console
 
     from wiclosure.formats.filter_summary import filter_summary
-    from wiclosure.pipeline.config import resolve
     from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
-    single = with_accepted_correction(set_, accept=accept_correction)
-    settings = resolve(config, single, use_filter=filter_name)
+    settings = choice.resolved()
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
     with warnings_on_terminal():
         logs = sources_of_words(wireless)
         result = filtering.filter_candidates(trajectory, logs, config=settings, outputs=outputs, report=files.report)
-    if as_json:
+    if showing.as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
-    elif not quiet:
+    elif not showing.quiet:
         Console().print(filter_table(result))
 
 
@@ -186,20 +204,3 @@ def dump_config_command(
 
     known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
-
-
-def require_screen() -> None:
-    """Fails where no window can be opened.
-
-    Raises:
-        ConfigError: there is no screen.
-    """
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ConfigError("there is no screen for --visualize; leave it out, and open the result's map.ply elsewhere")
-
-
-def show_map(path: Path) -> None:
-    """A window with the merged map."""
-    import open3d as o3d
-
-    o3d.visualization.draw_geometries([o3d.io.read_point_cloud(path)], window_name=str(path))

@@ -11,7 +11,7 @@ from wiclosure.pipeline.comparison.figures import FIGURES, ArmSummary, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.comparison.statistics import Spread
 from wiclosure.pipeline.comparison.tables import against_rows, arm_rows
-from wiclosure.pipeline.report.html import Arm, write_comparison_report
+from wiclosure.pipeline.report.html.report import Arm, write_comparison_report
 
 
 def write_comparison_page(folder: Path, comparison: Comparison) -> None:
@@ -34,13 +34,13 @@ def summary_of(comparison: Comparison) -> dict[str, Any]:
     arms = summaries(comparison)
     return {
         "of": _title(comparison),
-        "verdict": verdict(comparison, arms),
+        "verdict": comparison_verdict(comparison, arms),
         "tables": _tables(comparison, arms),
-        "look_at": _arm_name(comparison, next(iter(comparison.plan.configs)), _judged(comparison)),
+        "look_at": _arm_name(comparison, next(iter(comparison.plan.configs)), _compared_arm(comparison)),
     }
 
 
-def _judged(comparison: Comparison) -> str:
+def _compared_arm(comparison: Comparison) -> str:
     """The filter that the verdict is of: `wiclosure`, or else the last."""
     return "wiclosure" if "wiclosure" in comparison.plan.filters else comparison.plan.filters[-1]
 
@@ -49,9 +49,9 @@ def _arm_name(comparison: Comparison, preset: str, name: str) -> str:
     return f"{preset} {name}" if len(comparison.plan.configs) > 1 else name
 
 
-def verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
+def comparison_verdict(comparison: Comparison, arms: Sequence[ArmSummary]) -> dict[str, Any]:
     """What a filter was worth: of the filter `wiclosure`, or else of the last, with the first preset."""
-    presets, filters, name = list(comparison.plan.configs), comparison.plan.filters, _judged(comparison)
+    presets, filters, name = list(comparison.plan.configs), comparison.plan.filters, _compared_arm(comparison)
     own = {(arm.preset, arm.filter): arm for arm in arms}
     sentences = [_worth(own[preset, name], own[preset, filters[0]], len(presets) > 1) for preset in presets]
     metrics = [o.metrics for o in comparison.arms[presets[0], name]]

@@ -22,11 +22,11 @@ from wiclosure.pipeline.comparison.statistics import Paired, Spread
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.runtime.output import write_json
 
-UNKNOWN = "-"
+MISSING = "-"
 FAILED = "not connected"
 
 Cell = str | float | None
-COLUMNS: dict[str, Callable[[Metrics, Metrics], Cell]] = {
+ARM_COLUMNS: dict[str, Callable[[Metrics, Metrics], Cell]] = {
     "ate_m": lambda m, _: m["ate_m"]["team"],
     "ate_horizontal_m": lambda m, _: m["ate_horizontal_m"]["team"],
     "ate_odometry_m": lambda m, _: m["ate_odometry_m"]["team"],
@@ -100,7 +100,7 @@ def _row(comparison: Comparison, outcome: Outcome) -> dict[str, Cell]:
     metrics = outcome.metrics
     base = next((o.metrics for o in comparison.base(outcome.preset) if o.seed == outcome.seed), None)
     row: dict[str, Cell] = {"preset": outcome.preset, "filter": outcome.filter, "seed": outcome.seed}
-    row |= {key: None if base is None else value(metrics, base) for key, value in COLUMNS.items()}
+    row |= {key: None if base is None else value(metrics, base) for key, value in ARM_COLUMNS.items()}
     for stage in metrics["funnel"]:
         name = stage["stage"].lower().replace(" ", "_")
         row |= {name: stage["count"], f"{name}_true": stage["true"], f"{name}_false": stage["false"]}
@@ -135,15 +135,15 @@ def _name(arm: ArmSummary, arms: Sequence[ArmSummary]) -> str:
 def spread_text(found: Spread | None, form: str) -> str:
     """Median, and smallest and largest where they differ."""
     if found is None:
-        return UNKNOWN
+        return MISSING
     if found.smallest == found.largest:
         return _number(found.median, form)
     return f"{_number(found.median, form)} [{_number(found.smallest, form)}, {_number(found.largest, form)}]"
 
 
 def _paired(found: Paired, form: str) -> list[str]:
-    difference = UNKNOWN if found.median_difference is None else form.format(found.median_difference)
-    p = UNKNOWN if found.p is None else f"{found.p:.3g}"
+    difference = MISSING if found.median_difference is None else form.format(found.median_difference)
+    p = MISSING if found.p is None else f"{found.p:.3g}"
     return [difference, str(found.better), str(found.worse), str(found.pairs), p, found.test]
 
 

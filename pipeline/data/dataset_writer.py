@@ -19,16 +19,16 @@ from wiclosure.errors import OutputError
 from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.pipeline.runtime.output import whole_folder
-from wiclosure.pipeline.sources.messages.headers import Encoding
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import serialize, typestore
-from wiclosure.pipeline.sources.messages.wireless_messages import (
+from wiclosure.pipeline.sources.messages.ros_types import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
-    encode_heading,
-    encode_measurement,
+    POINT_CLOUD_TYPE,
+    Encoding,
+    serialize,
+    typestore,
 )
+from wiclosure.pipeline.sources.messages.wireless_messages import encode_heading, encode_measurement
 from wiclosure.types import FloatArray, Scan, WirelessLog
 
 Storage: TypeAlias = Literal["mcap", "sqlite3"]

@@ -29,7 +29,7 @@ from wiclosure.types import IntArray, Trajectory, WirelessLog
 
 logger = logging.getLogger(__name__)
 
-NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa")
+ROBOT_NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa")
 SPLIT_FILE = "split.json"
 
 HeardBy = Callable[[Dataset], WirelessLog]
@@ -51,10 +51,9 @@ class DrivePart:
 
 
 def split_kitti(
-    kitti_dir: Path | str,
-    sequence: str | None,
+    drive: Path,
     robots: int,
-    out: Path | str,
+    out: Path,
     *,
     overlap: float = 0.0,
     heard: HeardBy | None = None,
@@ -63,8 +62,7 @@ def split_kitti(
     """Writes a data set of several robots from one KITTI sequence or raw drive; the folder appears whole or not at all.
 
     Args:
-        kitti_dir: folder of all sequences, or of the one to split.
-        sequence: its name, as `08`; None where `kitti_dir` is the sequence.
+        drive: folder of the sequence; see `find_sequence`.
         robots: how many, at least 2.
         out: folder to write: `<robot>/`, `<robot>_gt.tum` (one world for all), `dataset.yaml`, `split.json`.
         overlap: share of each part, in [0, 1), that the next robot drives as well (on the same scans).
@@ -72,11 +70,11 @@ def split_kitti(
         overwrite: replace an existing folder.
 
     Raises:
-        InputError: no such sequence, or it is malformed or too short.
+        InputError: the drive is malformed or too short.
         ConfigError: robots or overlap out of range.
         OutputError: `out` exists or cannot be written.
     """
-    out, source = Path(out), KittiSource(find_sequence(Path(kitti_dir), sequence))
+    source = KittiSource(drive)
     truth = kitti_ground_truth(source.path, "world")
     if truth is None:
         logger.warning("%s has no poses: the robots have no ground truth", source.path)
@@ -126,7 +124,7 @@ def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[s
     for number in range(robots):
         first = round(number * length * (1 - overlap))
         last = min(max(round(number * length * (1 - overlap) + length), first + 1), count) - 1
-        name = NAMES[number] if number < len(NAMES) else f"robot_{number}"
+        name = ROBOT_NAMES[number] if number < len(ROBOT_NAMES) else f"robot_{number}"
         parts[name] = DrivePart(first, last, int(stamps_ns[0] - stamps_ns[first]))
     return parts
 

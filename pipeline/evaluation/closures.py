@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, ClosureMetrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import CandidatePairs, Closure, FloatArray, Stage, Trajectory, measured_poses, survivors
 
 
@@ -97,6 +99,14 @@ class TruthCheck:
     error_m: float
     error_deg: float
     gap_s: float
+
+    @classmethod
+    def of(
+        cls, settings: EvaluationSettings, keyframes: Mapping[str, Trajectory], truth: Mapping[str, Trajectory]
+    ) -> Self:
+        """With the limits of the settings."""
+        limits = settings.closure_error_m, settings.closure_error_deg, settings.ground_truth_gap_s
+        return cls(keyframes, truth, *limits)
 
     def right(self, closures: Sequence[Closure]) -> tuple[np.ndarray, np.ndarray]:
         """Which of the closures `(N,)` are true, and for which of them ground truth says so."""

@@ -22,7 +22,7 @@ class Matched:
         robot: its name.
         estimate: `(N, 4, 4)` `T_world_body` of the run.
         truth: `(N, 4, 4)` `T_truth_body` at the same stamps.
-        oriented: whether ground truth's orientations mean anything; without them relative poses cannot be judged.
+        oriented: whether ground truth's orientations mean anything; without them relative poses cannot be compared.
     """
 
     robot: str

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
-from wiclosure.pipeline.evaluation.closures import candidate_metrics, closure_metrics
+from wiclosure.pipeline.evaluation.closures import TruthCheck, candidate_metrics, closure_metrics
 from wiclosure.pipeline.evaluation.funnel import funnel
 from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics, TrajectoryMetrics
 from wiclosure.pipeline.evaluation.radio import radio_metrics, start_metrics
@@ -17,7 +17,7 @@ from wiclosure.types import Closure, FilterResult, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a run found, as far as ground truth can judge it.
+    """What a run found, as far as ground truth can tell.
 
     Args:
         filtered: what the candidate filter kept.
@@ -47,7 +47,7 @@ def evaluate(
     """All of `metrics.json`.
 
     Args:
-        found: what is judged.
+        found: what is held against ground truth.
         truth: ground truth by robot, all in one world; robots may be missing, and it may be empty.
         settings: what counts as true.
         costs: what the run took.
@@ -55,7 +55,7 @@ def evaluate(
     """
     gap_s = settings.ground_truth_gap_s
     oriented = in_lidar_axes(found.merged, truth, gap_s)
-    truth_check = settings.truth_check(found.keyframes, oriented)
+    truth_check = TruthCheck.of(settings, found.keyframes, oriented.oriented)
     candidates, registrable = (
         candidate_metrics(found.filtered.pairs, found.keyframes, truth, radius_m=radius_m, gap_s=gap_s)
         for radius_m in (settings.overlap_radius_m, settings.registrable_radius_m)
@@ -81,6 +81,7 @@ def evaluate(
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,
+        "earth": None,
         "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
     }
 

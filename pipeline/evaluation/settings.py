@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from pydantic import Field
 
-from wiclosure.pipeline.evaluation.body_axes import OrientedTruth
-from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.settings import Settings
-from wiclosure.types import Trajectory
 
 
 class EvaluationSettings(Settings):
@@ -34,9 +29,3 @@ class EvaluationSettings(Settings):
         1.0, gt=0, description="s; a pose is compared only if ground truth has stamps this near on both sides"
     )
     rpe_distance_m: float = Field(10.0, gt=0, description="m; path length over which relative pose errors are taken")
-
-    def truth_check(self, keyframes: Mapping[str, Trajectory], oriented: OrientedTruth) -> TruthCheck:
-        """Tells which closures between these keyframes are true."""
-        return TruthCheck(
-            keyframes, oriented.oriented, self.closure_error_m, self.closure_error_deg, self.ground_truth_gap_s
-        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.readers.tables import line_rows, opened, table_rows
 from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.readers.topics import topic_rows, with_message_preset
-from wiclosure.pipeline.radio.source import Kind, RadioSource
+from wiclosure.pipeline.radio.source import RadioKind, RadioSource
 from wiclosure.pipeline.radio.unused import UnusedRadio, unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
@@ -43,14 +44,14 @@ class RadioReading:
 
     log: WirelessLog
     account: Account | None
-    kind: Kind
+    kind: RadioKind
     unused: tuple[UnusedRadio, ...] = ()
 
 
-Known: TypeAlias = Collection[str] | None
+KnownRobots: TypeAlias = Collection[str] | None
 
 
-def read_radio(source: RadioSource, known: Known = None, *, salvage: bool = False) -> RadioReading:
+def read_radio(source: RadioSource, known: KnownRobots = None, *, salvage: bool = False) -> RadioReading:
     """Reads one source; what is left out is said in the log.
 
     Args:
@@ -83,7 +84,7 @@ def _with_preset(source: RadioSource) -> RadioSource:
     return RadioSource.model_validate(settings)
 
 
-def _kind(path: Path, source: RadioSource) -> Kind:
+def _kind(path: Path, source: RadioSource) -> RadioKind:
     """By what the source says, then by the file's first bytes."""
     if bag_kind(path):
         return "topics"
@@ -91,13 +92,27 @@ def _kind(path: Path, source: RadioSource) -> Kind:
         raise InputError(f"wireless log {path} is a folder and no bag; name a file")
     if source.pattern is not None:
         return "lines"
+    head = _head(path)
+    if head.lstrip().startswith(b"["):
+        raise InputError(f"{path} is an array of JSON; write one object a line (jq -c '.[]' does)")
+    if head.lstrip().startswith(b"{"):
+        first = head.lstrip().splitlines()[0]
+        if _is_foreign(first):
+            return "table"
+        return "jsonl" if b'"type"' in first or path.suffix.lower() != ".json" else "wsr"
     if path.suffix.lower() == ".jsonl":
         return "jsonl"
-    head = _head(path)
-    if head.lstrip().startswith(b"{"):
-        return "jsonl" if b'"type"' in head.splitlines()[0] or path.suffix.lower() != ".json" else "wsr"
     words = head.split(maxsplit=1)
     return "pyfg" if words and words[0].decode("latin-1") in WORDS else "table"
+
+
+def _is_foreign(line: bytes) -> bool:
+    """Whether a line is a JSON object of another program than ours."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and found.get("type") not in {"wireless", "heading"} and "stamp" not in found
 
 
 def _head(path: Path) -> bytes:
@@ -109,25 +124,26 @@ def _head(path: Path) -> bytes:
 
 
 # ------------------------------------------------------------------------------------------------------ kind by kind
-def _json_lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _json_lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     _refuse_settings(source, "JSON Lines", {"angle_unit"})
     log = read_wireless_log(path, angle_unit=source.angle_unit)
     return RadioReading(_renamed(log, source, known), None, "jsonl")
 
 
-def _table(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
-    if source.preset is None and not source.range_ and (preset := preset_of_header(opened(path, source).columns)):
+def _table(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
+    table = opened(path, source)
+    if source.preset is None and not source.range_ and (preset := preset_of_header(table.columns)):
         logger.info("%s: its columns are those of the preset %s", path, preset.name)
         source = _with_preset(source.model_copy(update={"preset": preset.name}))
-    rows, complete = table_rows(path, source)
+    rows, complete = table_rows(table, source)
     return RadioReading(*_interpreted(rows, complete, known), "table")
 
 
-def _lines(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     return RadioReading(*_interpreted(line_rows(path, source), source, known), "lines")
 
 
-def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _topics(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     if source.topic is None:
         _refuse_settings(source, "a bag without topic:", set())
         log = _renamed(read_wireless_topics(path, salvage=salvage), source, known)
@@ -138,7 +154,7 @@ def _topics(path: Path, source: RadioSource, known: Known, salvage: bool) -> Rad
     return RadioReading(log, account, "topics", tuple(unused_radio(path, [str(source.topic)], salvage=salvage)))
 
 
-def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _factor_graph(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     rows = (
         Row(
             f"line {found.line}",
@@ -156,7 +172,7 @@ def _factor_graph(path: Path, source: RadioSource, known: Known, salvage: bool) 
     return RadioReading(*_interpreted(rows, source.model_copy(update={"stamp_unit": "s"}), known), "pyfg")
 
 
-def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioReading:
+def _wsr(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     _refuse_settings(source, "WSR-Toolbox output", {"stamps"})
     stamps_ns = {trial: round(Decimal(str(stamp)) * 10**9) for trial, stamp in source.stamps.items()}
     profiles = read_wsr_profiles(path)
@@ -169,7 +185,7 @@ def _wsr(path: Path, source: RadioSource, known: Known, salvage: bool) -> RadioR
     return RadioReading(_renamed(log, source, known), None, "wsr")
 
 
-_READERS: Mapping[Kind, Callable[[Path, RadioSource, Known, bool], RadioReading]] = {
+_READERS: Mapping[RadioKind, Callable[[Path, RadioSource, KnownRobots, bool], RadioReading]] = {
     "jsonl": _json_lines,
     "table": _table,
     "lines": _lines,
@@ -179,7 +195,7 @@ _READERS: Mapping[Kind, Callable[[Path, RadioSource, Known, bool], RadioReading]
 }
 
 
-def _interpreted(rows: Iterator[Row], source: RadioSource, known: Known) -> tuple[WirelessLog, Account]:
+def _interpreted(rows: Iterator[Row], source: RadioSource, known: KnownRobots) -> tuple[WirelessLog, Account]:
     return interpret(rows, source, known, source.described())
 
 
@@ -195,6 +211,6 @@ def _refuse_settings(source: RadioSource, what: str, more: set[str]) -> None:
         raise ConfigError(f"{source.described()}: {what} cannot use {names}; known: {', '.join(sorted(known))}")
 
 
-def _renamed(log: WirelessLog, source: RadioSource, known: Known) -> WirelessLog:
+def _renamed(log: WirelessLog, source: RadioSource, known: KnownRobots) -> WirelessLog:
     """A log that names robots and states units itself, corrected by what the source says besides."""
     return corrected(log, source, TagNames(source, known if source.robots == "by number" else None))

@@ -13,7 +13,7 @@ from wiclosure.formats.radio_units import AngleUnit, AzimuthZero, ElevationZero,
 from wiclosure.settings import Settings
 from wiclosure.types import AoaFrame
 
-Kind: TypeAlias = Literal["jsonl", "table", "lines", "topics", "wsr", "pyfg"]
+RadioKind: TypeAlias = Literal["jsonl", "table", "lines", "topics", "wsr", "pyfg"]
 
 
 def _text(value: object) -> object:
@@ -27,7 +27,7 @@ def _texts(value: object) -> object:
 
 Name: TypeAlias = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
 Names: TypeAlias = Annotated[tuple[Name, ...], BeforeValidator(lambda v: (v,) if isinstance(v, str | int) else v)]
-Arm: TypeAlias = tuple[float, float, float]
+LeverArm: TypeAlias = tuple[float, float, float]
 
 
 class RadioSource(Settings):
@@ -40,7 +40,7 @@ class RadioSource(Settings):
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
     path: Path | None = Field(None, description="file, or bag; without it `topic` is read from each robot's own bag")
-    kind: Kind | None = Field(
+    kind: RadioKind | None = Field(
         None, description="jsonl, table, lines, topics, wsr or pyfg; told from the file where it is not given"
     )
     preset: str | None = Field(
@@ -57,11 +57,12 @@ class RadioSource(Settings):
     delimiter: str | None = Field(None, description="between the cells of a table; found where it is not given")
 
     stamp: Names = Field(
-        (), description="field of the time, or two of seconds and nanoseconds; `received`: when the bag got the message"
+        (),
+        description="field of the time, or two: seconds and nanoseconds, date and time; `received`: at the bag",
     )
     stamp_unit: TimeUnit = Field(
         "auto",
-        description="s, ms, us or ns; auto: by the size of times since 1970, else seconds; dates read as ISO 8601",
+        description="s, ms, us, ns, 100us, 10us, 100ns; auto: by their size since 1970, else s; ISO 8601 dates",
     )
     time_offset: float = Field(
         0.0, description="seconds that are added to the log's stamps, before those of the robots"
@@ -76,7 +77,7 @@ class RadioSource(Settings):
     anchors: Names = Field((), description="ids that are known to be no robots; left out without a warning")
 
     range_: Names = Field((), alias="range", description="field of the range, or several; may be a family of columns")
-    unit: LengthUnit = Field("m", description="of ranges, their sigma and positions: m, mm, cm, dm, km or ft")
+    unit: LengthUnit = Field("m", description="of ranges, their sigma and positions: m, mm, cm, dm, km, ft or in")
     range_sigma: float | Name | None = Field(
         None, description="standard deviation of the ranges: metres, or a field in `unit`; 0.5 m where nothing says so"
     )
@@ -104,7 +105,7 @@ class RadioSource(Settings):
     aoa_frame: AoaFrame = Field(
         "body", description="axes of the bearings: body (receiver's, at the stamp), odometry or world"
     )
-    lever_arms: Annotated[dict[str, Arm], BeforeValidator(_texts)] = Field(
+    lever_arms: Annotated[dict[str, LeverArm], BeforeValidator(_texts)] = Field(
         {}, description="antenna of each id in its robot's body frame, `[x, y, z]` in metres"
     )
     stamps: Annotated[dict[str, float], BeforeValidator(_texts)] = Field(

@@ -10,12 +10,13 @@ from typing import Self
 import numpy as np
 
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.report.map_picture import draw_map
 from wiclosure.pipeline.report.pictures import draw_candidates
 from wiclosure.pipeline.report.trajectory_pictures import MergedView, draw_merged, draw_run
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import CandidatePairs, Closure, FloatArray, Trajectory
 
 MATRICES = 3  # robot pairs whose candidates are drawn; five robots have ten
@@ -69,9 +70,9 @@ def merged_view(result: RunResult) -> MergedView:
         )
         T_shown_world = rigid_alignment(estimate, true)
     accepted = [c for c in graph.accepted if c.query.robot in connected]
-    truth_check = result.config.evaluation.truth_check(
-        {robot: front.keyframes for robot, front in result.fronts.items()}, in_lidar_axes(result.merged, truth, gap_s)
-    )
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    oriented = in_lidar_axes(result.merged, truth, gap_s).oriented
+    truth_check = TruthCheck.of(result.config.evaluation, keyframes, oriented)
     right, known = truth_check.right(accepted)
     ends = [[graph.trajectories[k.robot].positions[k.index] for k in (c.query, c.match)] for c in accepted]
     return MergedView(

@@ -20,13 +20,13 @@ from rich.progress import (
 from rich.progress import Progress as Bars
 from rich.text import Text
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 
 class BarProgress:
     """One bar for each piece of work, on standard error; nothing where that is not a terminal."""
 
-    def track(self, items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    def track(self, items: Iterable[_Item], label: str, total: int | None = None) -> Iterator[_Item]:
         """The same items, with a bar."""
         with _bars() as bars:
             yield from bars.track(items, total=total, description=label)

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
-from wiclosure.pipeline.data.folders.overview import Entry
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, RadioMetrics, TrajectoryMetrics
-from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 from wiclosure.types import FilterResult
+
+if TYPE_CHECKING:
+    from wiclosure.pipeline.data.folders.overview import Entry
+    from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 
 UNKNOWN = "-"
 

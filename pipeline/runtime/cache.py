@@ -27,7 +27,7 @@ from wiclosure.pipeline.runtime.output import whole_file
 
 logger = logging.getLogger(__name__)
 
-Value = TypeVar("Value")
+_Value = TypeVar("_Value")
 
 _ENTRY = re.compile(r"[a-z-]+-[0-9a-f]{24}")
 
@@ -88,10 +88,10 @@ class StageCache:
         stage: str,
         depends_on: object,
         *,
-        load: Callable[[Path], Value],
-        save: Callable[[Value, Path], None],
-        compute: Callable[[], Value],
-    ) -> tuple[Value, bool]:
+        load: Callable[[Path], _Value],
+        save: Callable[[_Value, Path], None],
+        compute: Callable[[], _Value],
+    ) -> tuple[_Value, bool]:
         """The stage's value, and whether it came from the cache.
 
         A cache that cannot be read or written is never an error: the stage is computed.
@@ -103,7 +103,7 @@ class StageCache:
         self.keep(stage, depends_on, value, save=save)
         return value, False
 
-    def find(self, stage: str, depends_on: object, *, load: Callable[[Path], Value]) -> Value | None:
+    def find(self, stage: str, depends_on: object, *, load: Callable[[Path], _Value]) -> _Value | None:
         """The stage's value of an earlier run, or None.  What cannot be read is thrown away."""
         entry = self._entry(stage, depends_on)
         if entry is None or not entry.is_file():
@@ -120,7 +120,7 @@ class StageCache:
         logger.info("%s: taken from the cache", stage)
         return value
 
-    def keep(self, stage: str, depends_on: object, value: Value, *, save: Callable[[Value, Path], None]) -> None:
+    def keep(self, stage: str, depends_on: object, value: _Value, *, save: Callable[[_Value, Path], None]) -> None:
         """Keeps the stage's value for later runs, in the place of an older one."""
         entry = self._entry(stage, depends_on)
         if entry is None:

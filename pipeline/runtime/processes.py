@@ -15,19 +15,19 @@ from typing import TypeVar
 
 from wiclosure.errors import ProcessError
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 @contextmanager
 def side_by_side(
-    work: Callable[[Item], Result],
-    items: Iterable[Item],
+    work: Callable[[_Item], _Result],
+    items: Iterable[_Item],
     jobs: int,
     *,
     begin: Callable[..., None],
     given: tuple[object, ...],
-) -> Iterator[list[Future[Result]]]:
+) -> Iterator[list[Future[_Result]]]:
     """Every item is worked on in one of `jobs` fresh processes; entering gives what to wait for, in the items' order.
 
     Leaving with an exception, an interruption too, tells the processes to end, see `require_wanted`.
@@ -63,8 +63,8 @@ def side_by_side(
 
 
 def _submitted(
-    pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item]
-) -> list[Future[Result]]:
+    pool: ProcessPoolExecutor, work: Callable[[_Item], _Result], items: Iterable[_Item]
+) -> list[Future[_Result]]:
     """Starts the pool's processes.
 
     Raises:

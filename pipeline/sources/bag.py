@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import Encoding
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore
+from wiclosure.pipeline.sources.messages.ros_types import Encoding, deserialize, recorded_typestore
 from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 
@@ -100,7 +99,7 @@ class Bag:
                 yield stamp_ns, message
 
 
-def counted(found: Iterable[tuple[FoundTopic, int]]) -> dict[str, BagTopic]:
+def counted_topics(found: Iterable[tuple[FoundTopic, int]]) -> dict[str, BagTopic]:
     """Topics by name, from all descriptions of them; of two that differ, the one with more messages is read."""
     counts: dict[FoundTopic, int] = {}
     kinds: dict[tuple[str, str, str], FoundTopic] = {}
@@ -120,6 +119,6 @@ def same_topic(one: FoundTopic, other: FoundTopic) -> bool:
     return (one.name, one.msgtype, one.encoding) == (other.name, other.msgtype, other.encoding)
 
 
-def unpacked(raw: bytes) -> bytes:
+def decompressed(raw: bytes) -> bytes:
     """A message without its compression; a serialised message never starts with these bytes."""
-    return zstd.decompress(raw) if raw[:4] == zstd.MAGIC else raw
+    return zstd.decompress(raw) if raw[:4] == zstd.ZSTD_MAGIC else raw

@@ -13,14 +13,13 @@ import yaml
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
-from wiclosure.pipeline.sources.salvage import mcap as salvage_mcap
-from wiclosure.pipeline.sources.salvage import ros1 as salvage_ros1
 from wiclosure.pipeline.sources.salvage import zstd
+from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, ROS1_MAGIC
 
 logger = logging.getLogger(__name__)
 
 KINDS: Mapping[str, str] = {"ros1": "ROS 1 bag", "mcap": "ROS 2 bag (mcap)", "sqlite3": "ROS 2 bag (sqlite3)"}
-_MAGIC = {salvage_ros1.MAGIC: "ros1", salvage_mcap.MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
+_MAGIC = {ROS1_MAGIC: "ros1", MCAP_MAGIC: "mcap", b"SQLite format 3\0": "sqlite3"}
 _SUFFIXES = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
 METADATA = "metadata.yaml"
 

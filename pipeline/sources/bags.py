@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted, same_topic, unpacked
+from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted_topics, decompressed, same_topic
 from wiclosure.pipeline.sources.bag_files import (
     bag_kind,
     has_write_ahead_log,
@@ -20,7 +20,7 @@ from wiclosure.pipeline.sources.bag_files import (
     several_recordings,
 )
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
-from wiclosure.pipeline.sources.scanned_bag import damaged, scanned_bag, survey
+from wiclosure.pipeline.sources.scanned_bag import damaged, scanned_bag, survey_bag
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -66,7 +66,7 @@ def open_bag(path: Path, *, salvage: bool = False) -> Iterator[Bag]:
     with ExitStack() as stack:
         files = plain_files(path, stack)
         if salvage:
-            yield scanned_bag(path, kind, files, survey(kind, files), salvaged=True)
+            yield scanned_bag(path, kind, files, survey_bag(kind, files), salvaged=True)
             return
         if unclosed := [file for file in files if kind == "sqlite3" and has_write_ahead_log(file)]:
             raise damaged(path, kind, files, f"{unclosed[0].name} was not closed by its recorder")
@@ -83,7 +83,7 @@ def open_bag(path: Path, *, salvage: bool = False) -> Iterator[Bag]:
 
 def _whole_bag(path: Path, kind: str, files: Sequence[Path], refusal: str, *, contents: bool = True) -> Bag:
     """The bag read record by record, if nothing is wrong with any of them; `refusal` is why rosbags would not."""
-    found = survey(kind, files, contents=contents)
+    found = survey_bag(kind, files, contents=contents)
     if found.damage:
         raise damaged(path, kind, files, found.damage[0])
     if not found.count:
@@ -113,7 +113,7 @@ def _may_be_unordered(reader: Reader) -> bool:
 
 
 def _indexed_bag(path: Path, kind: str, files: Sequence[Path], readers: Sequence[Reader]) -> Bag:
-    topics = counted(
+    topics = counted_topics(
         (_topic(kind, connection), max(connection.msgcount, 0))
         for reader in readers
         for connection in reader.connections
@@ -155,4 +155,4 @@ def _messages(kind: str, reader: Reader, topic: FoundTopic) -> Iterator[RawMessa
     connections = [connection for connection in reader.connections if same_topic(_topic(kind, connection), topic)]
     if connections:
         for _, stamp_ns, raw in reader.messages(connections):
-            yield stamp_ns, unpacked(raw)
+            yield stamp_ns, decompressed(raw)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from wiclosure.types import Scan
 logger = logging.getLogger(__name__)
 
 _FIRST = 4  # scans whose stamps tell how often they come
+_TOGETHER_NS = 10**7  # no LiDAR makes a hundred sweeps a second
 
 
 class RosbagSource:
@@ -58,19 +59,24 @@ class RosbagSource:
         """The scans in the order of the recording, their stamps mended (see `stamps`), all in one sensor's axes."""
         place = f"{self.path}, topic {self.topic}"
         with open_bag(self.path, salvage=self._salvage) as bag:
-            messages = mended(self._messages(bag), place)
+            messages = mended(_together(self._messages(bag), place), place)
             first = list(islice(messages, _FIRST))
             decoder = ScanDecoder(bag.topics[self.topic], place, _period_s([stamp_ns for stamp_ns, _ in first]))
             frame = OneFrame(bag, place)
-            for stamp_ns, message in chain(first, messages):
-                try:
-                    scan = decoder.decode(message, stamp_ns)
-                except Exception as error:  # rosbags raises anything for bytes that are no such message
-                    self._refuse(message.number, error)
-                    continue
-                if (turned := frame.turned(scan, message.frame_id)) is not None:
-                    yield turned
+            for stamp_ns, sweep in chain(first, messages):
+                scans = [self._scan(message, stamp_ns, decoder, frame) for message in sweep]
+                if found := [scan for scan in scans if scan is not None]:
+                    yield found[0] if len(found) == 1 else _merged(found)
             frame.report()
+
+    def _scan(self, message: ScanMessage, stamp_ns: int, decoder: ScanDecoder, frame: OneFrame) -> Scan | None:
+        """The scan of a message in the axes of all, or None where it cannot be had."""
+        try:
+            scan = decoder.decode(message, stamp_ns)
+        except Exception as error:  # rosbags raises anything for bytes that are no such message
+            self._refuse(message.number, error)
+            return None
+        return frame.turned(scan, message.frame_id)
 
     def _messages(self, bag: Bag) -> Iterator[Stamped[ScanMessage]]:
         """The messages that can be read, with their headers' stamps."""
@@ -89,6 +95,61 @@ class RosbagSource:
         if not self._salvage:
             raise InputError(f"{place}; add --salvage to use the other messages") from error
         logger.warning("left out %s", place)
+
+
+def _together(messages: Iterable[Stamped[ScanMessage]], place: str) -> Iterator[Stamped[tuple[ScanMessage, ...]]]:
+    """Messages of one stamp as one sweep: of sensors that are triggered together, or of one that sends parts.
+
+    Those of one frame must also have been received together, for stamps may stand still; a message that was recorded
+    twice is no part.
+    """
+    sweep: list[Stamped[ScanMessage]] = []
+    merged = copies = 0
+    for message in messages:
+        if any(_is_copy(message, part) for part in sweep):
+            copies += 1
+        elif sweep and _belongs(message, sweep):
+            sweep.append(message)
+        else:
+            if sweep:
+                merged += len(sweep) > 1
+                yield _sweep(sweep)
+            sweep = [message]
+    if sweep:
+        merged += len(sweep) > 1
+        yield _sweep(sweep)
+    if merged:
+        logger.warning("%s: clouds of the same stamp were merged, %d times, into one scan each", place, merged)
+    if copies:
+        logger.warning("%s: %d clouds were recorded twice; the copies were left out", place, copies)
+
+
+def _sweep(parts: Sequence[Stamped[ScanMessage]]) -> Stamped[tuple[ScanMessage, ...]]:
+    return Stamped(parts[0].header_ns, parts[0].received_ns, tuple(part.content for part in parts))
+
+
+def _is_copy(message: Stamped[ScanMessage], other: Stamped[ScanMessage]) -> bool:
+    return message.header_ns == other.header_ns != 0 and message.content.raw == other.content.raw
+
+
+def _belongs(message: Stamped[ScanMessage], sweep: Sequence[Stamped[ScanMessage]]) -> bool:
+    if message.header_ns != sweep[0].header_ns or message.header_ns == 0:
+        return False
+    if message.content.frame_id not in {part.content.frame_id for part in sweep}:
+        return True
+    return abs(message.received_ns - sweep[0].received_ns) < _TOGETHER_NS
+
+
+def _merged(scans: Sequence[Scan]) -> Scan:
+    """One scan of several with one stamp; times and intensities where all have them."""
+    times = [scan.times for scan in scans if scan.times is not None]
+    intensities = [scan.intensity for scan in scans if scan.intensity is not None]
+    return Scan(
+        scans[0].stamp_ns,
+        np.concatenate([scan.points for scan in scans]),
+        np.concatenate(times) if len(times) == len(scans) else None,
+        np.concatenate(intensities) if len(intensities) == len(scans) else None,
+    )
 
 
 def _period_s(stamps_ns: list[int]) -> float | None:

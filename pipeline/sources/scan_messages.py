@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import cast
 
 from wiclosure.pipeline.sources.bag import BagTopic
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE, CompressedCloud, DracoDecoder
+from wiclosure.pipeline.sources.messages.draco import CompressedCloud, DracoDecoder
 from wiclosure.pipeline.sources.messages.headers import nanoseconds_of
 from wiclosure.pipeline.sources.messages.livox import LIVOX_TYPES, LivoxDecoder, livox_header
 from wiclosure.pipeline.sources.messages.pointcloud2 import PointCloud2Decoder, PointCloud2Message
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore
+from wiclosure.pipeline.sources.messages.ros_types import DRACO_TYPE, deserialize, recorded_typestore
 from wiclosure.types import Scan
 
 
@@ -23,12 +23,14 @@ class ScanMessage:
         stamp_ns: of its header; 0: none.
         frame_id: the sensor's frame, by its header.
         content: what rosbags made of it, or the bytes of a Livox message.
+        raw: the whole message as it was recorded.
     """
 
     number: int
     stamp_ns: int
     frame_id: str
     content: object
+    raw: bytes
 
 
 class ScanMessages:
@@ -42,10 +44,10 @@ class ScanMessages:
         """The message in `raw`; anything is raised for bytes that are none."""
         if self._msgtype in LIVOX_TYPES:
             stamp_ns, frame_id = livox_header(raw, self._encoding)
-            return ScanMessage(number, stamp_ns, frame_id, raw)
+            return ScanMessage(number, stamp_ns, frame_id, raw, raw)
         message = deserialize(self._store, self._encoding, raw, self._msgtype)
         header = cast("PointCloud2Message", message).header
-        return ScanMessage(number, nanoseconds_of(header.stamp), header.frame_id, message)
+        return ScanMessage(number, nanoseconds_of(header.stamp), header.frame_id, message, raw)
 
 
 class ScanDecoder:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import BagTopic
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
 from wiclosure.pipeline.sources.messages.livox import LIVOX_TYPES
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import DRACO_TYPE, POINT_CLOUD_TYPE
 from wiclosure.suggestions import did_you_mean
 
 SCAN_TYPES = (POINT_CLOUD_TYPE, *LIVOX_TYPES, DRACO_TYPE)

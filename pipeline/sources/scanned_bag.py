@@ -1,4 +1,8 @@
-"""Bags read record by record: those that rosbags refuses though they are whole, and damaged ones for what is whole."""
+"""Bags read record by record: those that rosbags refuses though they are whole, and damaged ones for what is whole.
+
+A scanner yields every message that is whole, in the order of the file, and never raises for damage: it takes it down,
+skips a chunk that does not decompress, and stops where the records end.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +14,37 @@ from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import Protocol
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted, same_topic, unpacked
+from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted_topics, decompressed, same_topic
 from wiclosure.pipeline.sources.bag_files import KINDS
 from wiclosure.pipeline.sources.salvage import zstd
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, everything
-from wiclosure.pipeline.sources.salvage.recover import scan_file
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, TopicChoice, everything
+from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
+from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
+from wiclosure.pipeline.sources.salvage.sqlite import scan_sqlite3
 
 logger = logging.getLogger(__name__)
 
 
+class Scanner(Protocol):
+    """Reads one kind of file."""
+
+    def __call__(self, path: Path, damage: Damage, wanted: TopicChoice = everything) -> Iterator[FoundMessage]:
+        """All whole messages; data of topics that are not wanted may be left out where that saves time."""
+
+
+_SCANNERS: Mapping[str, Scanner] = {"ros1": scan_ros1, "mcap": scan_mcap, "sqlite3": scan_sqlite3}
+
+
+def scan_file(path: Path, kind: str, damage: Damage, wanted: TopicChoice = everything) -> Iterator[FoundMessage]:
+    """All whole messages of one file of the given kind (`ros1`, `mcap` or `sqlite3`); `damage` takes down the rest."""
+    return _SCANNERS[kind](path, damage, wanted)
+
+
 @dataclass(frozen=True, slots=True)
-class Survey:
+class BagSurvey:
     """What a scan of all records found.
 
     Args:
@@ -44,14 +66,14 @@ class Survey:
         return sum(topic.count for topic in self.topics.values())
 
 
-def survey(kind: str, files: Sequence[Path], *, contents: bool = True) -> Survey:
+def survey_bag(kind: str, files: Sequence[Path], *, contents: bool = True) -> BagSurvey:
     """Scans all records; without `contents`, what only the messages' data would tell is not looked at."""
     states = [file.stat() for file in files]
     return _survey_of(kind, tuple((f, s.st_size, s.st_mtime_ns) for f, s in zip(files, states, strict=True)), contents)
 
 
 @lru_cache(maxsize=32)
-def _survey_of(kind: str, files: tuple[tuple[Path, int, int], ...], contents: bool) -> Survey:
+def _survey_of(kind: str, files: tuple[tuple[Path, int, int], ...], contents: bool) -> BagSurvey:
     """Reads everything once; kept for as long as the files do not change, because it takes long."""
     counts: Counter[FoundTopic] = Counter()
     latest_ns: dict[str, int] = {}
@@ -65,10 +87,10 @@ def _survey_of(kind: str, files: tuple[tuple[Path, int, int], ...], contents: bo
             unordered.add(topic.name)
         latest_ns[topic.name] = max(stamp_ns, latest_ns.get(topic.name, stamp_ns))
         start_ns, end_ns = min(start_ns, stamp_ns), max(end_ns, stamp_ns)
-    return Survey(counted(counts.items()), start_ns, end_ns, frozenset(unordered), tuple(damage.found))
+    return BagSurvey(counted_topics(counts.items()), start_ns, end_ns, frozenset(unordered), tuple(damage.found))
 
 
-def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: Survey, *, salvaged: bool = False) -> Bag:
+def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: BagSurvey, *, salvaged: bool = False) -> Bag:
     """A bag that is read record by record.
 
     Raises:
@@ -83,7 +105,7 @@ def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: Survey, *, 
         messages = (message for message in chain.from_iterable(scans) if same_topic(message.topic, chosen))
         for message in _in_order(messages) if topic in found.unordered else messages:
             try:
-                raw = unpacked(message.data)
+                raw = decompressed(message.data)
             except zstd.ZstdError as error:
                 place = f"a message of {path}, topic {topic}, cannot be unpacked: {error}"
                 if not salvaged:
@@ -113,7 +135,7 @@ def _in_order(messages: Iterator[FoundMessage]) -> Iterator[FoundMessage]:
 
 def damaged(path: Path, kind: str, files: Sequence[Path], reason: str) -> InputError:
     """The error for a bag without index or with damage: says what could be saved."""
-    found = survey(kind, files)
+    found = survey_bag(kind, files)
     reason = " ".join(reason.split()).rstrip(".")
     if not found.count:
         return InputError(f"{path} cannot be read as a {KINDS[kind]} ({reason}), and holds no whole message")

@@ -18,12 +18,8 @@ from wiclosure.errors import InputError
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
-from wiclosure.pipeline.sources.messages.wireless_messages import (
-    HEADING_TYPE,
-    MEASUREMENT_TYPE,
-    decode_heading,
-    decode_measurement,
-)
+from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE
+from wiclosure.pipeline.sources.messages.wireless_messages import decode_heading, decode_measurement
 from wiclosure.types import Heading, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _MATCHING = ("scan_context_distance", "scan_context_yaw", "overlap_probability")
 _REGISTRATION = ("prior_chi2", "inliers", "inlier_ratio", "agreement", "rms_m")
 _BACK_END = ("consistent_with", "residual_m", "residual_rad")
-COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *_MATCHING, *_REGISTRATION, *_BACK_END)
+CLOSURE_COLUMNS = (*_KEYS, "decision", "reason", *_POSE, *_MATCHING, *_REGISTRATION, *_BACK_END)
 
 
 def write_closures(
@@ -37,7 +37,7 @@ def write_closures(
     """
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(COLUMNS)
+        writer.writerow(CLOSURE_COLUMNS)
         for closure in closures:
             keys = [
                 value

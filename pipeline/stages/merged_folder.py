@@ -14,10 +14,10 @@ from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.tum import write_tum
 from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.pipeline.stages.closures_csv import decision
-from wiclosure.pipeline.stages.optimising import Merged
+from wiclosure.pipeline.stages.optimising import MergedGraphs
 from wiclosure.types import Closure
 
-COLUMNS = ("first", "second", "decision", "reason", "residual_m", "residual_rad", "agrees_with", "place")
+OPTIMISED_COLUMNS = ("first", "second", "decision", "reason", "residual_m", "residual_rad", "agrees_with", "place")
 
 
 class LabelScores(TypedDict):
@@ -45,7 +45,7 @@ class MergedSummary(TypedDict):
     diagnosis: list[str]
 
 
-def write_merged(folder: Path, merged: Merged) -> None:
+def write_merged(folder: Path, merged: MergedGraphs) -> None:
     """Writes all files into an existing folder."""
     team, trajectories = merged.team, merged.graph.trajectories
     write_g2o(merged.graph, folder / "graph.g2o", team.keys, PLANAR if team.planar else SPATIAL, team.unnamed)
@@ -53,7 +53,7 @@ def write_merged(folder: Path, merged: Merged) -> None:
         write_tum(folder / f"{_file_stem(robot)}.tum", trajectory)
         write_kitti_poses(folder / f"{_file_stem(robot)}_kitti.txt", trajectory.poses)
     with (folder / "closures.csv").open("w", newline="", encoding="utf-8") as file:
-        rows = csv.DictWriter(file, COLUMNS)
+        rows = csv.DictWriter(file, OPTIMISED_COLUMNS)
         rows.writeheader()
         rows.writerows(_rows(merged))
     if team.from_robot_log:
@@ -69,7 +69,7 @@ def _file_stem(robot: str) -> str:
     return robot if robot.translate(str.maketrans("", "", "_-.")).isalnum() else f"robot_{ord(robot[0])}"
 
 
-def summary(merged: Merged) -> MergedSummary:
+def summary(merged: MergedGraphs) -> MergedSummary:
     """Figures and sentences, fit for JSON."""
     rows = _rows(merged)
     found = MergedSummary(
@@ -91,7 +91,7 @@ def summary(merged: Merged) -> MergedSummary:
     return found
 
 
-def _label_scores(merged: Merged) -> LabelScores | None:
+def _label_scores(merged: MergedGraphs) -> LabelScores | None:
     """The labels that a JSON Robot Log gives its loops against what was decided; None where there are no labels."""
     labelled = [
         (not edge.is_false, closure.rejected_at is None)
@@ -112,7 +112,7 @@ def _label_scores(merged: Merged) -> LabelScores | None:
     )
 
 
-def _rows(merged: Merged) -> list[dict[str, Any]]:
+def _rows(merged: MergedGraphs) -> list[dict[str, Any]]:
     """One row per closure, those that could not be used last."""
     rows = [_row(merged, c, edge.place) for c, edge in zip(merged.graph.closures, merged.team.edges, strict=True)]
     unknown = dict.fromkeys(("residual_m", "residual_rad"))
@@ -123,7 +123,7 @@ def _rows(merged: Merged) -> list[dict[str, Any]]:
     ]
 
 
-def _row(merged: Merged, closure: Closure, place: str) -> dict[str, Any]:
+def _row(merged: MergedGraphs, closure: Closure, place: str) -> dict[str, Any]:
     residual = closure.residual
     return {
         "first": merged.name(closure.query),

@@ -26,7 +26,7 @@ MAX_SCALE = 10.0  # stated covariances are often set by hand, and ten times too 
 
 
 @dataclass(frozen=True, eq=False)
-class Merged:
+class MergedGraphs:
     """What was read, what consistency said, the estimate in the files' coordinates, and how long it took."""
 
     team: GraphTeam
@@ -44,7 +44,7 @@ class Merged:
         return pose_name(key.robot, int(self.team.indices[key.robot][key.index]))
 
 
-def merge(paths: Sequence[Path], config: Config) -> Merged:
+def merge_graphs(paths: Sequence[Path], config: Config) -> MergedGraphs:
     """Reads the graphs, decides on their closures and estimates all poses.
 
     Covariances are taken as the files state them, times what `pcm.max_scale` allows, unless the configuration says
@@ -60,7 +60,7 @@ def merge(paths: Sequence[Path], config: Config) -> Merged:
     consistent = pairwise_consistent(team.closures, team.odometry, pcm)
     settings = _defaults(config.pose_graph, noise=STATED_IN_FULL).scaled(consistent.scale)
     graph = optimise(team.odometry, consistent.closures, settings)
-    return Merged(team, consistent, _in_coordinates_of_files(graph, team), time.perf_counter() - began)
+    return MergedGraphs(team, consistent, _in_coordinates_of_files(graph, team), time.perf_counter() - began)
 
 
 def _warn(team: GraphTeam) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.pipeline.runtime.cache import StageCache
-from wiclosure.pipeline.stages.registrations import Known, Registered, Start
+from wiclosure.pipeline.stages.registrations import KnownRegistrations, Registered, Start
 from wiclosure.types import Float32Array, FloatArray, KeyframeId, Measured, RegistrationEvidence
 
 _STAGE = "registrations"
@@ -32,14 +32,14 @@ class RegistrationStore:
     fronts: Mapping[str, FrontEndResult]
     settings: RegistrationSettings
 
-    def recall(self, known: Known) -> int:
+    def recall(self, known: KnownRegistrations) -> int:
         """Adds the registrations of earlier runs to `known`; returns how many it holds then."""
         if self.cache.folder is not None:
             for key, registered in (self.cache.find(_STAGE, self._depends_on(), load=_load) or {}).items():
                 known.setdefault(key, registered)
         return len(known)
 
-    def keep(self, known: Known) -> None:
+    def keep(self, known: KnownRegistrations) -> None:
         """Keeps all for later runs."""
         if self.cache.folder is not None:
             self.cache.keep(_STAGE, self._depends_on(), known, save=_save)
@@ -57,7 +57,7 @@ def _digest(clouds: tuple[Float32Array, ...]) -> str:
     return digest.hexdigest()
 
 
-def _save(known: Known, path: Path) -> None:
+def _save(known: KnownRegistrations, path: Path) -> None:
     found = list(known.values())
     with path.open("wb") as file:
         np.savez(
@@ -72,10 +72,10 @@ def _save(known: Known, path: Path) -> None:
         )
 
 
-def _load(path: Path) -> Known:
+def _load(path: Path) -> KnownRegistrations:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
         content = {name: pack[name] for name in pack.files}
-    known: Known = {}
+    known: KnownRegistrations = {}
     for row, (robots, indices) in enumerate(zip(content["robots"], content["indices"], strict=True)):
         query, match = (KeyframeId(str(r), int(i)) for r, i in zip(robots, indices, strict=True))
         known[Start(query, match, content["starts"][row].tobytes())] = Registered(

@@ -84,7 +84,7 @@ class Registered:
         return decide(Stage.REGISTRATION, self.reason)
 
 
-Known: TypeAlias = dict[Start, Registered]
+KnownRegistrations: TypeAlias = dict[Start, Registered]
 """Registrations done so far with some clouds and settings."""
 
 
@@ -102,7 +102,7 @@ class RegistrationPool:
 
     settings: RegistrationSettings
     clouds: Clouds
-    known: Known = field(default_factory=dict)
+    known: KnownRegistrations = field(default_factory=dict)
     jobs: int = 1
 
     def register(self, proposed: Sequence[Closure], progress: Progress) -> tuple[list[Closure], float]:

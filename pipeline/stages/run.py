@@ -15,45 +15,21 @@ from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
-from wiclosure.pipeline.evaluation.metrics import CostMetrics, Metrics
+from wiclosure.pipeline.evaluation.metrics import CostMetrics
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
+from wiclosure.pipeline.stages.earth import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
-from wiclosure.pipeline.stages.registrations import Known, RegistrationPool
-from wiclosure.pipeline.stages.solve import Solution, solve
-from wiclosure.types import KeyframeId, Trajectory
+from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
+from wiclosure.pipeline.stages.solve import solve
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
+from wiclosure.types import KeyframeId
 from wiclosure.wiclosure_filter.registry import make_filter
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """Everything that a run found; `wiclosure.pipeline.stages.run_folder` writes it.
-
-    Args:
-        config: what it ran with.
-        inputs: what it read.
-        fronts: odometry, keyframes, descriptors by robot.
-        solution: candidates, closures, graph.
-        merged: pose of every scan at its own stamp by robot, in the world of its component.
-        merged_map: the keyframes' clouds of the first robot's component in one frame.
-        metrics: all figures.
-    """
-
-    config: Config
-    inputs: Inputs
-    fronts: dict[str, FrontEndResult]
-    solution: Solution
-    merged: dict[str, Trajectory]
-    merged_map: MergedMap
-    metrics: Metrics
-
-    def __repr__(self) -> str:
-        name = self.solution.filtered.filter_name
-        return f"RunResult({name!r}, {', '.join(self.merged)}, {self.solution.graph!r}, {self.merged_map!r})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +39,7 @@ class Prepared:
     Args:
         inputs: the recordings.
         config: of the run.
-        fronts: odometry, keyframes, descriptors by robot.
+        grounding: odometry, keyframes, descriptors by robot, and what is known of the Earth.
         from_cache: robots whose front end was computed by an earlier invocation.
         known: registrations done so far with these clouds and settings.
         cache: keeps them for later invocations.
@@ -73,12 +49,17 @@ class Prepared:
 
     inputs: Inputs
     config: Config
-    fronts: dict[str, FrontEndResult]
+    grounding: Grounding
     from_cache: tuple[str, ...]
-    known: Known = field(default_factory=dict)
+    known: KnownRegistrations = field(default_factory=dict)
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
+
+    @property
+    def fronts(self) -> dict[str, FrontEndResult]:
+        """Odometry, keyframes, descriptors by robot."""
+        return self.grounding.fronts
 
 
 def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
@@ -99,6 +80,7 @@ def prepare(
     jobs: int,
     progress: Progress,
     also: Sequence[Config] = (),
+    viewer: Viewer | None = None,
 ) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
 
@@ -107,18 +89,26 @@ def prepare(
     """
     for each in (config, *also):
         Registration(each.registration)
-    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
-    return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
+    fronts, from_cache = front_ends(
+        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer
+    )
+    return Prepared(inputs, config, grounded(fronts, inputs, config.earth), from_cache, cache=cache, jobs=jobs)
 
 
-def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
-    """Filters, matches, registers, optimises, maps and evaluates."""
-    inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
+def run_stages(
+    prepared: Prepared, chosen: CandidateFilter, *, progress: Progress, viewer: Viewer | None = None
+) -> RunResult:
+    """Filters, matches, registers, optimises, maps and evaluates; a viewer sees every stage."""
+    inputs, config, fronts, seen = prepared.inputs, prepared.config, prepared.fronts, viewer or NoViewer()
+    seen.fronts(fronts)
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
     registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
-    solution = solve(fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress)
+    solution = solve(
+        fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress, viewer=seen,
+        earth=prepared.grounding.earth,
+    )  # fmt: skip
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
@@ -143,16 +133,22 @@ def run(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> R
         costs=_costs(prepared, solution, took["mapping"]),
         diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
     )
+    if prepared.grounding.earth:
+        metrics["earth"] = earth_metrics(prepared.grounding, solution.graph)
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
-    return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+    result = RunResult(config, inputs, fronts, solution, merged, merged_map, metrics, prepared.grounding)
+    seen.result(result)
+    return result
 
 
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
     return {
-        "seconds": _stages(prepared.fronts.values(), solution.seconds, mapping_s),
+        "seconds": _stages(
+            prepared.fronts.values(), {"gravity": prepared.grounding.seconds} | solution.seconds, mapping_s
+        ),
         "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
@@ -186,6 +182,7 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
 def _about_inputs(prepared: Prepared) -> list[str]:
     inputs, fronts = prepared.inputs, prepared.fronts
     sentences = [s for robot in inputs.robots for s in remarks(robot, fronts[robot.robot], prepared.config)]
+    sentences += prepared.grounding.sentences
     if prepared.from_cache:
         sentences.append(
             f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"

@@ -6,12 +6,11 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import GraphResult, optimise
+from wiclosure.backends.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
@@ -20,37 +19,14 @@ from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.types import Closure, FilterResult, KeyframeId, Stage, WirelessLog, survivors
+from wiclosure.pipeline.stages.run_result import Solution
+from wiclosure.pipeline.stages.viewer import Viewer
+from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)
 
 _FIGURES = re.compile(r"-?\d[\d.,^]*")
 BYTES_PER_POSE = 64  # stamp, position and quaternion, 8 bytes each
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What one filter made of the robots' odometry.
-
-    Args:
-        filtered: pairs kept by the filter, alignments, its diagnosis.
-        matched: what scan context proposed of them, one entry per robot pair.
-        closures: every proposed closure with its final decision and reason; how many survived a stage is a count.
-        graph: trajectories in one world frame.
-        seconds: time per stage, as if nothing had been computed before; of registrations side by side, their sum.
-        seconds_spent: wall time really spent, registrations that other arms had done left out.
-        bytes_exchanged: what the robots would have sent each other.
-        diagnosis: sentences for the user: why there are few or no closures.
-    """
-
-    filtered: FilterResult
-    matched: tuple[MatchResult, ...]
-    closures: tuple[Closure, ...]
-    graph: GraphResult
-    seconds: dict[str, float]
-    seconds_spent: dict[str, float]
-    bytes_exchanged: int
-    diagnosis: tuple[str, ...]
 
 
 def solve(
@@ -61,16 +37,18 @@ def solve(
     *,
     registrations: RegistrationPool,
     progress: Progress,
+    viewer: Viewer,
+    earth: EarthMeasurements | None = None,
 ) -> Solution:
     """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
-    attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress)
+    attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress, viewer)
     attempt, checks = attempts.settled(wireless)
     took = Stopwatch()
     with took.time("optimisation"):
         consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
         settings = config.pose_graph.scaled(consistent.scale)
-        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links)
+        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links, earth)
 
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     filtered = attempt.filtered

@@ -1,4 +1,4 @@
-"""What docs/simulation.md names exists; its Python is run by tests/test_documentation.py."""
+"""What docs/simulation.md names exists; its Python is run by tests/docs."""
 
 from __future__ import annotations
 

@@ -11,10 +11,12 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import AoaPath, FloatArray, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
+
+from .one_road import straight
 
 POSES = 60
 SECOND_NS = 1_000_000_000
@@ -104,3 +106,18 @@ def _make_case(
 @pytest.fixture
 def make_case() -> Callable[..., Case]:
     return _make_case
+
+
+@pytest.fixture
+def world() -> dict[str, Trajectory]:
+    """True trajectories of three robots on one road."""
+    return {
+        "alpha": straight("alpha", 60),
+        "beta": straight("beta", 50, 5.0, reverse=True),
+        "gamma": straight("gamma", 1, 9.0),
+    }
+
+
+@pytest.fixture
+def odometry(world: dict[str, Trajectory]) -> dict[str, Trajectory]:
+    return {name: truth.moved(se3.inverse(truth.poses[0])) for name, truth in world.items()}

@@ -5,49 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement, robot_pairs
+from wiclosure.types import Trajectory, WirelessLog, robot_pairs
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.registry import FILTERS, make_filter
 
-
-def straight(robot: str, size: int, y_m: float = 0.0, reverse: bool = False) -> Trajectory:
-    x = 2.0 * np.arange(size)[:: -1 if reverse else 1]
-    poses = se3.from_yaw(np.full(size, np.pi if reverse else 0.0), np.stack([x, np.full(size, y_m), 0 * x], axis=1))
-    return Trajectory(robot, np.arange(size, dtype=np.int64) * 10**9, poses)
-
-
-@pytest.fixture
-def world() -> dict[str, Trajectory]:
-    """True trajectories of three robots on one road."""
-    return {
-        "alpha": straight("alpha", 60),
-        "beta": straight("beta", 50, 5.0, reverse=True),
-        "gamma": straight("gamma", 1, 9.0),
-    }
-
-
-@pytest.fixture
-def odometry(world: dict[str, Trajectory]) -> dict[str, Trajectory]:
-    return {name: truth.moved(se3.inverse(truth.poses[0])) for name, truth in world.items()}
-
-
-def ranges(world: dict[str, Trajectory]) -> WirelessLog:
-    return WirelessLog(
-        tuple(
-            WirelessMeasurement(
-                stamp_ns=int(stamp),
-                receiver="beta",
-                transmitter="alpha",
-                range_m=float(
-                    np.linalg.norm(world["alpha"].at(np.array([stamp])) - world["beta"].at(np.array([stamp])))
-                ),
-                range_sigma_m=0.5,
-            )
-            for stamp in world["beta"].stamps_ns[::4]
-        )
-    )
+from .one_road import ranges, straight
 
 
 @pytest.mark.parametrize("name", FILTERS)

@@ -1,4 +1,4 @@
-"""Continuous systematic errors, estimated along with the alignment, or carried in its covariance where nothing tells.
+"""Continuous systematic errors, estimated along with the alignment, or left to its covariance where nothing tells.
 
 Seven numbers describe what is constant over a log and never quite what it is said to be: bias and scale of the ranges,
 the difference of the clocks, how each antenna array is mounted, and how each odometry is scaled.  They stand beside the
@@ -15,8 +15,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 

@@ -62,7 +62,8 @@ def check_log(
             " no pair has both; map the ids with robots"
         )
     source = source or RadioSource(topic="/any")
-    apart = check_overlap(Span(min(stamps), max(stamps)), common_span(trajectories))
+    read = "s" if source.stamp_unit == "auto" else source.stamp_unit  # of dates, auto finds the unit
+    apart = check_overlap(Span(min(stamps), max(stamps)), common_span(trajectories), read)
     if apart is not None:
         return CheckResult(tuple(absolute([apart], source)))
     findings = [_left_aside(len(log.measurements) - len(known))] if len(known) < len(log.measurements) else []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wiclosure.formats.radio_units import NANOSECONDS, TimeUnit
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples
 from wiclosure.pipeline.radio.check.range_fit import FEWEST, RangeFit, fit_ranges, refit
@@ -50,17 +51,21 @@ def common_span(trajectories: Mapping[str, Trajectory]) -> Span:
     )
 
 
-def check_overlap(log: Span, poses: Span) -> Finding | None:
-    """What is wrong with a log that shares no time with the trajectories; None where it does."""
+def check_overlap(log: Span, poses: Span, read: TimeUnit = "s") -> Finding | None:
+    """What is wrong with a log that shares no time with the trajectories; None where it does.
+
+    Args:
+        log: of the measurements, by stamps that were read in the unit `read`.
+        poses: of the trajectories.
+        read: unit of the log's stamps, as it was taken.
+    """
     if log.overlaps(poses):
         return None
     apart = f"the log covers {_span(log)}, the trajectories {_span(poses)}: no overlap"
-    for power, unit in ((3, "ms"), (6, "us"), (9, "ns")):
-        if Span(log.first_ns // 10**power, log.last_ns // 10**power).mostly_in(poses):
+    for unit, ns in NANOSECONDS.items():
+        as_read = NANOSECONDS[read]
+        if ns != as_read and Span(log.first_ns * ns // as_read, log.last_ns * ns // as_read).mostly_in(poses):
             return Finding("overlap", "suspect", f"{apart}; read as {unit} the stamps fit", None, {"stamp_unit": unit})
-        if Span(log.first_ns * 10**power, log.last_ns * 10**power).mostly_in(poses):
-            text = f"{apart}; 10^{power} times the stamps would fit: they were read in too small a unit"
-            return Finding("overlap", "suspect", text, None, {"stamp_unit": {3: "ms or us", 6: "ms", 9: "s"}[power]})
     half_hours = round((poses.first_ns - log.first_ns) / (_HOUR_NS // 2))
     moved_ns = half_hours * (_HOUR_NS // 2)
     if abs(half_hours) <= 28 and Span(log.first_ns + moved_ns, log.last_ns + moved_ns).mostly_in(poses):

@@ -20,6 +20,7 @@ class Account:
         left_out: how many did not, by reason, with the place and sentence of the first.
         ids: readings by id that names no robot.
         notes: what was decided while reading, as the unit of stamps.
+        doubts: what may be a mistake of the settings.
     """
 
     where: str
@@ -29,6 +30,7 @@ class Account:
     first: dict[str, str] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
 
     def leave_out(self, reason: str, place: str, detail: str = "") -> None:
         """Counts a row that is not used."""
@@ -39,6 +41,10 @@ class Account:
         """Keeps a sentence once."""
         if sentence not in self.notes:
             self.notes.append(sentence)
+
+    def doubt(self, sentence: str) -> None:
+        """Keeps a sentence that is said as a warning."""
+        self.doubts.append(sentence)
 
     def sentences(self) -> list[str]:
         """What was left out, one sentence for each reason."""
@@ -60,6 +66,10 @@ class Account:
         level = logging.WARNING if self.left_out.keys() & _ALARMING else logging.INFO
         for sentence in self.notes:
             logger.info("%s: %s", self.where, sentence)
+        for sentence in self.doubts:
+            logger.warning("%s: %s", self.where, sentence)
+        if not self.rows:
+            logger.warning("%s: it holds no readings", self.where)
         if self.left_out:
             logger.log(level, "%s: %d readings used; %s", self.where, self.used, "; ".join(self.sentences()))
 

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from decimal import Decimal
-from typing import Any
+from statistics import median
+from typing import Any, cast
 
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres, radians, stamp_ns, stamp_unit_of
+from wiclosure.formats.radio_units import (
+    METRES,
+    LengthUnit,
+    azimuth_rad,
+    elevation_rad,
+    metres,
+    radians,
+    stamp_ns,
+    stamp_unit_of,
+)
 from wiclosure.formats.stamps import few_digits
 from wiclosure.formats.text_table import is_number, number_of
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
@@ -34,11 +45,13 @@ from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
 
 _MOST_BAD = 0.5  # of the rows: with more that cannot be read, the file is not what its mapping says
+_SELDOM_M = 300.0  # of ranges whose unit nobody stated
 _COARSE = 0.5  # of the rows: with more whose times lost their digits, and which share few, the log has no times
 _MOST_BEYOND = 0.05  # of the rows: angles of radians stay within a turn, those of degrees seldom do
 _FALSE = {"", "0", "0.0", "false", "no", "f", "n"}
 
 
+_WITH_UNIT = re.compile(r"(?P<number>[-+.,\d]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)")
 _TURN_RAD = 2 * math.pi + 1e-6
 
 
@@ -86,7 +99,9 @@ def interpret(
             coarse[text] += 1
     account.used = len(measurements)
     _refuse_lost_times(account, coarse)
-    _refuse_nonsense(account, source)
+    ranges_m = [m.range_m for m in measurements if m.range_m is not None]
+    _refuse_nonsense(account, source, max(ranges_m, default=0.0))
+    _doubt_unit(account, source, ranges_m)
     return WirelessLog() + WirelessLog(tuple(measurements)), account
 
 
@@ -94,7 +109,7 @@ def _mapped(source: RadioSource) -> Collection[str]:
     return source.robots.values() if isinstance(source.robots, dict) else ()
 
 
-def _refuse_nonsense(account: Account, source: RadioSource) -> None:
+def _refuse_nonsense(account: Account, source: RadioSource, longest_m: float) -> None:
     bad = account.left_out[UNREADABLE]
     if bad and bad >= _MOST_BAD * account.rows:
         raise InputError(
@@ -106,11 +121,20 @@ def _refuse_nonsense(account: Account, source: RadioSource) -> None:
             f"{account.where}: {account.left_out[DEGREES]} of {account.rows} rows have angles beyond a turn"
             f" ({account.first[DEGREES]}); they look like degrees: add angle_unit: deg"
         )
-    if account.left_out[FAR] and not account.used and account.left_out[FAR] > account.rows / 2:
+    near_limit = longest_m > source.max_range / 2  # a code for "nothing heard" stands apart from what was heard
+    if account.left_out[FAR] > account.rows / 2 and (near_limit or not account.used):
         raise InputError(
             f"{account.where}: {account.left_out[FAR]} of {account.rows} ranges lie beyond {source.max_range:g} m"
             f" ({account.first[FAR]}); if they are millimetres or centimetres add unit: mm or unit: cm, else raise"
             " max_range"
+        )
+
+
+def _doubt_unit(account: Account, source: RadioSource, ranges_m: Sequence[float]) -> None:
+    if ranges_m and "unit" not in source.model_fields_set and median(ranges_m) > _SELDOM_M:
+        account.doubt(
+            f"half of the ranges are longer than {median(ranges_m):.4g} m, which UWB does not reach; if they are"
+            " centimetres add unit: cm, else state unit: m"
         )
 
 
@@ -182,6 +206,8 @@ def _stamp_ns(values: Values, source: RadioSource, account: Account) -> int:
     offset_ns = round(Decimal(str(source.time_offset)) * 10**9)
     if isinstance(raw, ReceivedAt):
         return raw.stamp_ns + offset_ns
+    if isinstance(raw, tuple) and not is_number(str(raw[0]).strip()):
+        return stamp_ns("T".join(str(part).strip() for part in raw), "auto") + offset_ns
     if isinstance(raw, tuple):
         seconds, nanoseconds = (int(number_of(str(part))) for part in raw)
         return seconds * 10**9 + nanoseconds + offset_ns
@@ -199,13 +225,22 @@ def _stamp_ns(values: Values, source: RadioSource, account: Account) -> int:
 
 def _range(values: Values, source: RadioSource) -> tuple[float | None, float]:
     """Range and its sigma, metres; None where the cell is empty or holds what drivers write for a failure."""
-    raw = _number(values.get("range"), "range")
+    text, unit = _unit_of_cell(values.get("range"), source.unit)
+    raw = _number(text, "range")
     if raw is None or raw <= 0:
         return None, _sigma_m(values, source)
     low, high = (_number(values.get(key), key) for key in ("range_low", "range_high"))
     if (low is not None and raw < low) or (high is not None and 0 < high < raw):
         raise _LeftOut(LIMITS, f"{raw:g}")
-    return max(metres(raw, source.unit) + source.range_offset, 0.0), _sigma_m(values, source)
+    return max(metres(raw, unit) + source.range_offset, 0.0), _sigma_m(values, source)
+
+
+def _unit_of_cell(cell: object, usual: LengthUnit) -> tuple[object, LengthUnit]:
+    """A cell without the unit that it states, as `3.25 m` and `3250mm`, and the unit."""
+    match = _WITH_UNIT.fullmatch(cell.strip()) if isinstance(cell, str) else None
+    if match is None or match["unit"] not in METRES:
+        return cell, usual
+    return match["number"], cast("LengthUnit", match["unit"])
 
 
 def _sigma_m(values: Values, source: RadioSource) -> float:

@@ -55,9 +55,9 @@ class FieldPath:
     def _from(self, value: object, step: int) -> Any:
         for number in range(step, len(self.steps)):
             name, index, each = self.steps[number]
-            if not hasattr(value, name):
-                known = ", ".join(_names(value)) or "none"
-                raise InputError(f"{_type(value)} has no field {name!r} (of {self.text!r}); its fields: {known}")
+            if name not in (known := _names(value)):
+                fields_there = ", ".join(known) or "none"
+                raise InputError(f"{_type(value)} has no field {name!r} (of {self.text!r}); its fields: {fields_there}")
             value = getattr(value, name)
             if each or index is not None:
                 if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.name_pattern import NamePattern
-from wiclosure.formats.text_table import SPACE, TextTable, is_number, open_table, with_decimal_point
+from wiclosure.formats.text_table import JSON, SPACE, TextTable, is_number, open_table, with_decimal_point
 from wiclosure.pipeline.radio.readers.column_names import guessed_fields
 from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.source import RadioSource
@@ -17,19 +17,24 @@ _DELIMITERS = {"space": SPACE, "tab": "\t", "comma": ",", "semicolon": ";", " ":
 _PLAIN = ("from_", "to", "range_variance", "valid", "azimuth", "elevation", "x", "y", "z")
 
 
-def table_rows(path: Path, source: RadioSource) -> tuple[Iterator[Row], RadioSource]:
+def table_rows(table: TextTable, source: RadioSource) -> tuple[Iterator[Row], RadioSource]:
     """One row for each range column of each line, and the source with what was guessed of it.
 
     Raises:
         InputError: no such column, or none is named and none can be guessed.
     """
-    table = opened(path, source)
-    source = guessed_fields(table.columns, source, path, has_header=table.has_header or bool(source.columns))
+    named = table.has_header or bool(source.columns)
+    source = guessed_fields(table.columns, source, table.path, has_header=named, units=table.units)
     return _rows(table, source, _Columns(table, source)), source
 
 
 def opened(path: Path, source: RadioSource) -> TextTable:
-    """The table by the source's delimiter and names."""
+    """The table by the source's delimiter and names.
+
+    Raises:
+        InputError: see `open_table`.
+        ConfigError: a delimiter of several characters.
+    """
     delimiter = None if source.delimiter is None else _DELIMITERS.get(source.delimiter, source.delimiter)
     if delimiter is not None and len(delimiter) != 1:
         raise ConfigError(f"delimiter is {source.delimiter!r}; expected one character, space, tab, comma or semicolon")
@@ -99,7 +104,7 @@ def _rows(table: TextTable, source: RadioSource, columns: _Columns) -> Iterator[
         for key, limit in zip(("range_low", "range_high"), source.range_limits or (), strict=False)
         if isinstance(limit, float)
     }
-    comma = table.delimiter != ","
+    comma = table.delimiter not in {",", JSON}
     width = len(table.columns)
     for number, cells in table.rows():
         place = f"line {number}"

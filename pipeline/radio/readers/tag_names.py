@@ -12,15 +12,18 @@ from wiclosure.pipeline.radio.source import RadioSource
 
 _WHOLE = re.compile(r"[+-]?\d+(\.0*)?")
 _HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+")
+_ADDRESS = re.compile(r"[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){3,7}")
 _TAIL = re.compile(r"(\d+)$")
 
 
 def canonical(tag: object) -> str:
     """An id as it is compared: `7`, `7.0`, `07` and `0x7` are one tag, `022E` and `022e` as well.
 
-    Bytes, as messages have them for addresses, are `de:ca:00:07`.
+    Bytes, as messages have them for addresses, are `de:ca:00:07`, with colons, dashes or neither.
     """
     text = tag_text(tag)
+    if _ADDRESS.fullmatch(text):
+        text = re.sub("[:-]", "", text)
     if _HEXADECIMAL.fullmatch(text):
         return str(int(text, 16))
     return str(int(float(text))) if _WHOLE.fullmatch(text) else text.casefold()

@@ -13,6 +13,7 @@ from wiclosure.pipeline.radio.readers.message_fields import FieldPath, rows_of
 from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.sources.bags import Bag, BagTopic, open_bag
+from wiclosure.pipeline.sources.messages.headers import TimeMessage, nanoseconds_of
 
 _PLAIN = ("from_", "to", "range_variance", "valid", "azimuth", "elevation", "x", "y", "z")
 _SINGLE = ("range_sigma", "bearing_sigma")
@@ -107,7 +108,6 @@ def _stamp(values: Mapping[str, Any], received_ns: int) -> object:
     if "stamp_ns" in values:
         return values["stamp"], values["stamp_ns"]
     stamp = values["stamp"]
-    if hasattr(stamp, "sec") and hasattr(stamp, "nanosec"):
-        stamp_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
-        return ReceivedAt(stamp_ns or received_ns)
+    if isinstance(stamp, TimeMessage):
+        return ReceivedAt(nanoseconds_of(stamp) or received_ns)
     return stamp

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import product
 
 from wiclosure.pipeline.report.html.closures_data import reason_kind
-from wiclosure.pipeline.report.html.verdict import counted
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.report.html.verdict import counted_noun
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, FrameAlignment, Stage
 
 MOST_STEPS = 6
@@ -87,9 +87,8 @@ def _lost(result: RunResult, kept: int, closures: Sequence[Closure]) -> str:
     reasons = [c.reason for c in closures if c.rejected_at is stage]
     usual = Counter(map(reason_kind, reasons)).most_common(1)[0][0]
     example = next(reason for reason in reasons if reason_kind(reason) == usual)
-    lost = (
-        f"{count} of {counted(len(closures), 'closure')} were rejected at {_WHERE[stage]}, mostly like this: {example}."
-    )
+    number = counted_noun(len(closures), "closure")
+    lost = f"{count} of {number} were rejected at {_WHERE[stage]}, mostly like this: {example}."
     return f"{lost} {_remedy(result, stage)}"
 
 

@@ -15,7 +15,7 @@ from wiclosure.types import CandidatePairs, Closure, Stage, Trajectory, survivor
 
 BINS = 200
 PARTS = 10
-MATRICES = 12
+MOST_MATRICES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,8 @@ def candidate_matrices(
     closures: Sequence[Closure] = (),
     overlap: Overlap | None = None,
 ) -> list[dict[str, Any]]:
-    """One matrix for each pair of robots, those with most candidates first, at most `MATRICES`."""
-    shown = sorted(pairs, key=len, reverse=True)[:MATRICES]
+    """One matrix for each pair of robots, those with most candidates first, at most `MOST_MATRICES`."""
+    shown = sorted(pairs, key=len, reverse=True)[:MOST_MATRICES]
     return [_matrix(of, keyframes[of.robot_a], keyframes[of.robot_b], closures, overlap) for of in shown]
 
 

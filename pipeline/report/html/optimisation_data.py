@@ -9,15 +9,15 @@ from wiclosure.pipeline.config import Config, dump_config
 from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.report.html.closures_data import closure_rows, stages_with_reasons
 from wiclosure.pipeline.report.html.scene_data import Placement, robot_entry
-from wiclosure.pipeline.report.html.verdict import counted
+from wiclosure.pipeline.report.html.verdict import counted_noun
 from wiclosure.pipeline.report.html.versions import versions
-from wiclosure.pipeline.stages.optimising import Merged
+from wiclosure.pipeline.stages.optimising import MergedGraphs
 from wiclosure.types import Stage, survivors
 
 _STAGES = (Stage.CONSISTENCY, Stage.ESTIMATE)
 
 
-def optimisation_data(merged: Merged, config: Config) -> dict[str, Any]:
+def optimisation_data(merged: MergedGraphs, config: Config) -> dict[str, Any]:
     """Everything that the page shows of merged graphs."""
     graph, team = merged.graph, merged.team
     placement = Placement.of(graph.components, graph.trajectories)
@@ -46,7 +46,7 @@ def optimisation_data(merged: Merged, config: Config) -> dict[str, Any]:
     }
 
 
-def _closures(merged: Merged, placement: Placement) -> list[dict[str, Any]]:
+def _closures(merged: MergedGraphs, placement: Placement) -> list[dict[str, Any]]:
     """With the keyframes' indices and the labels of the files."""
     rows = closure_rows(merged.graph.closures, merged.graph.trajectories, placement)
     for row, edge in zip(rows, merged.team.edges, strict=True):
@@ -57,7 +57,7 @@ def _closures(merged: Merged, placement: Placement) -> list[dict[str, Any]]:
     return rows
 
 
-def _funnel(merged: Merged) -> list[dict[str, Any]]:
+def _funnel(merged: MergedGraphs) -> list[dict[str, Any]]:
     closures = merged.graph.closures
     names = {stage: name for name, stage in MEASURED.items()}
     counts = [
@@ -69,10 +69,10 @@ def _funnel(merged: Merged) -> list[dict[str, Any]]:
     )
 
 
-def _verdict(merged: Merged) -> dict[str, Any]:
+def _verdict(merged: MergedGraphs) -> dict[str, Any]:
     graph = merged.graph
     robots, accepted = len(graph.trajectories), len(graph.accepted)
-    joined = f"{accepted} of {counted(len(graph.closures), 'closure')} accepted"
+    joined = f"{accepted} of {counted_noun(len(graph.closures), 'closure')} accepted"
     if len(graph.components) == 1:
         together = "One robot" if robots == 1 else f"All {robots} robots in one frame"
         return {"tone": "good", "sentence": f"{together}; {joined}.", "next": [], "notes": list(merged.diagnosis)}
@@ -85,7 +85,7 @@ def _verdict(merged: Merged) -> dict[str, Any]:
     return {"tone": "bad", "sentence": sentence, "next": steps, "notes": list(merged.diagnosis)}
 
 
-def _numbers(merged: Merged) -> list[dict[str, str]]:
+def _numbers(merged: MergedGraphs) -> list[dict[str, str]]:
     trajectories, closures = merged.graph.trajectories, merged.graph.closures
     poses = sum(map(len, trajectories.values()))
     return [
@@ -96,7 +96,7 @@ def _numbers(merged: Merged) -> list[dict[str, str]]:
     ]
 
 
-def _tables(merged: Merged) -> list[dict[str, Any]]:
+def _tables(merged: MergedGraphs) -> list[dict[str, Any]]:
     team = merged.team
     rows = [[u.first, u.second, u.place, u.reason] for u in team.unusable]
     ignored = [[what, count] for what, count in Counter(team.ignored).items()]

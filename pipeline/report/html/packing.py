@@ -45,7 +45,7 @@ def _packed(kind: str, shape: tuple[int, ...], content: bytes) -> Packed:
     return {"type": kind, "shape": list(shape), "data": data}
 
 
-def unpacked(document: Packed) -> Array:
+def unpacked_array(document: Packed) -> Array:
     """The array that was packed, as the page's script unpacks it."""
     found = np.frombuffer(zlib.decompress(base64.b64decode(document["data"])), np.uint8)
     shape = document["shape"]

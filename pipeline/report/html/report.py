@@ -14,9 +14,9 @@ from wiclosure.pipeline.report.html.optimisation_data import optimisation_data
 from wiclosure.pipeline.report.html.page import PAGE, read_page, write_page
 from wiclosure.pipeline.report.html.run_data import run_data
 from wiclosure.pipeline.report.html.scene_data import fewer_points
-from wiclosure.pipeline.report.html.tables_data import side_by_side
-from wiclosure.pipeline.stages.optimising import Merged
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.report.html.tables_data import arms_table
+from wiclosure.pipeline.stages.optimising import MergedGraphs
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 
 COMPARED_POINTS = 500_000
@@ -55,7 +55,7 @@ def write_filter_report(
     write_page(folder / PAGE, {"kind": "filter", "title": title, "runs": [data]})
 
 
-def write_optimisation_report(folder: Path, merged: Merged, config: Config) -> None:
+def write_optimisation_report(folder: Path, merged: MergedGraphs, config: Config) -> None:
     """Writes `report.html` of merged graphs into their folder.
 
     Raises:
@@ -85,7 +85,7 @@ def write_comparison_report(folder: Path, summary: dict[str, Any], arms: Sequenc
         "kind": "comparison",
         "title": f"{_names(runs[0])}: {summary['of']}",
         "verdict": summary["verdict"],
-        "tables": [side_by_side([(arm.name, page["metrics"]) for arm, page in pages]), *summary["tables"]],
+        "tables": [arms_table([(arm.name, page["metrics"]) for arm, page in pages]), *summary["tables"]],
         "runs": runs,
         "look_at": next((n for n, run in enumerate(runs) if run["name"] == summary.get("look_at")), 0),
     }

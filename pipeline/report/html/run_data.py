@@ -17,9 +17,9 @@ from wiclosure.pipeline.report.html.closures_data import closure_rows, scans_of_
 from wiclosure.pipeline.report.html.radio_data import Tracks, radio_pair
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map_entry, robot_entry
 from wiclosure.pipeline.report.html.tables_data import figure_tables
-from wiclosure.pipeline.report.html.verdict import headline_numbers, verdict
+from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
 from wiclosure.pipeline.report.html.versions import versions
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import FloatArray, FrameAlignment
 
 
@@ -32,7 +32,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
     alignments = solution.filtered.alignments
     return {
         "name": solution.filtered.filter_name,
-        "verdict": verdict(metrics, next_steps(result)),
+        "verdict": run_verdict(metrics, next_steps(result)),
         "numbers": headline_numbers(metrics),
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),
@@ -50,7 +50,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
             radio_pair(
                 alignment,
                 result.inputs.wireless,
-                _tracks(result, alignment, placement),
+                tracks_of(result, alignment, placement),
                 began_ns=began_ns,
                 of_pairs=len(alignments),
             )
@@ -66,7 +66,8 @@ def run_data(result: RunResult) -> dict[str, Any]:
 def _truth_check(result: RunResult) -> TruthCheck:
     settings = result.config.evaluation
     truth = in_lidar_axes(result.merged, result.inputs.ground_truth, settings.ground_truth_gap_s)
-    return settings.truth_check({robot: front.keyframes for robot, front in result.fronts.items()}, truth)
+    keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
+    return TruthCheck.of(settings, keyframes, truth.oriented)
 
 
 def _robots(result: RunResult, placement: Placement) -> list[dict[str, Any]]:
@@ -109,7 +110,7 @@ def _map_note(result: RunResult) -> str:
     return " ".join(notes)
 
 
-def _tracks(result: RunResult, alignment: FrameAlignment, placement: Placement) -> Tracks:
+def tracks_of(result: RunResult, alignment: FrameAlignment, placement: Placement) -> Tracks:
     """Where both were: in the merged world, or, if nothing connects them, as the radio aligns them."""
     a, b = alignment.robot_a, alignment.robot_b
     if placement.together(a, b):

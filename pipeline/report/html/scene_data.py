@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure.backends.merged_map import ROBOT_COLOURS, MergedMap
-from wiclosure.pipeline.report.html.packing import along_curve, packed_bytes, packed_steps, unpacked
-from wiclosure.pipeline.report.pictures import robot_colour
+from wiclosure.backends.merged_map import MergedMap
+from wiclosure.colours import ROBOT_COLOURS, robot_colour
+from wiclosure.pipeline.report.html.packing import along_curve, packed_bytes, packed_steps, unpacked_array
 from wiclosure.types import FloatArray, Trajectory
 
 MAP_POINTS = 300_000
@@ -132,7 +132,7 @@ def fewer_points(entry: dict[str, Any] | None, most: int) -> dict[str, Any] | No
         return entry
     rows = np.linspace(0, entry["shown"] - 1, most).round().astype(np.int64)
     return entry | {
-        "xyz": packed_steps(unpacked(entry["xyz"])[rows], MAP_STEP_M),
-        "robot": packed_bytes(unpacked(entry["robot"])[rows]),
+        "xyz": packed_steps(unpacked_array(entry["xyz"])[rows], MAP_STEP_M),
+        "robot": packed_bytes(unpacked_array(entry["robot"])[rows]),
         "shown": most,
     }

@@ -111,7 +111,7 @@ def _yes(value: bool | None) -> str | None:
 
 
 # --------------------------------------------------------------------------------------------------- arms side by side
-def side_by_side(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
+def arms_table(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
     """A table: one column for each arm; below each value what it differs from the first arm's by."""
     figures = [_figures(metrics) for _, metrics in arms]
     rows = [[label, *_cells([of[label] for of in figures], _UNIT.get(label, ""))] for label in figures[0]]

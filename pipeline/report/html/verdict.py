@@ -8,7 +8,7 @@ from typing import Any
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 
-def verdict(metrics: Metrics, steps: Sequence[str]) -> dict[str, Any]:
+def run_verdict(metrics: Metrics, steps: Sequence[str]) -> dict[str, Any]:
     """Tone (`good`, `warn` or `bad`), sentence, what to do next, and what the run says of itself.
 
     Args:
@@ -19,7 +19,7 @@ def verdict(metrics: Metrics, steps: Sequence[str]) -> dict[str, Any]:
     if (error_m := metrics["ate_m"].get("team")) is not None:
         parts.append(f"the error against ground truth is {error_m:.2g} m")
     if false := metrics["closures"]["accepted_false"]:
-        parts.append(f"{counted(false, 'accepted closure')} {'is' if false == 1 else 'are'} false")
+        parts.append(f"{counted_noun(false, 'accepted closure')} {'is' if false == 1 else 'are'} false")
         tone = "bad"
     if steps and tone == "good":
         tone = "warn"
@@ -30,15 +30,15 @@ def _connected(metrics: Metrics) -> str:
     components, accepted = metrics["components"], metrics["closures"]["accepted"]
     robots = sum(len(c["robots"]) for c in components)
     if robots == 1:
-        return f"One robot, with {counted(accepted, 'loop closure')} within its path"
+        return f"One robot, with {counted_noun(accepted, 'loop closure')} within its path"
     if len(components) == 1:
         together = "Both" if robots == 2 else f"All {robots}"
-        return f"{together} robots lie in one map, joined by {counted(accepted, 'closure')}"
+        return f"{together} robots lie in one map, joined by {counted_noun(accepted, 'closure')}"
     groups = "; ".join(" and ".join(c["robots"]) for c in components)
-    return f"Not all robots are connected ({groups}): {counted(accepted, 'closure')} accepted"
+    return f"Not all robots are connected ({groups}): {counted_noun(accepted, 'closure')} accepted"
 
 
-def counted(number: int, noun: str) -> str:
+def counted_noun(number: int, noun: str) -> str:
     """`1 closure`, `2 closures`, `no closures`."""
     return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
 

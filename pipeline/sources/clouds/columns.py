@@ -33,7 +33,7 @@ class CloudColumns(NamedTuple):
 CloudReader: TypeAlias = Callable[[Path], CloudColumns]
 
 
-class Wanted(NamedTuple):
+class ColumnNames(NamedTuple):
     """Names, in a file, of what is read of it; None: not there."""
 
     x: str
@@ -48,7 +48,7 @@ class Wanted(NamedTuple):
         return tuple(dict.fromkeys(name for name in self if name is not None))
 
 
-def wanted(path: Path, names: Iterable[str]) -> Wanted:
+def wanted(path: Path, names: Iterable[str]) -> ColumnNames:
     """What is read of fields of these names.
 
     Raises:
@@ -61,7 +61,7 @@ def wanted(path: Path, names: Iterable[str]) -> Wanted:
             f"{path} has no field {missing[0]!r} (fields: {', '.join(names) or 'none'}); it is no cloud of points"
         )
     time = next(iter(time_fields(names)), None)
-    return Wanted(by_axis["x"], by_axis["y"], by_axis["z"], time, intensity_field(names))
+    return ColumnNames(by_axis["x"], by_axis["y"], by_axis["z"], time, intensity_field(names))
 
 
 def read_whole(path: Path) -> bytes:
@@ -76,9 +76,9 @@ def read_whole(path: Path) -> bytes:
         raise InputError(f"cannot read the scan {path}: {error.strerror}; check the path") from error
 
 
-def returns(columns: Mapping[str, NDArray[Any]], of: Wanted) -> CloudColumns:
+def returns(columns: Mapping[str, NDArray[Any]], names: ColumnNames) -> CloudColumns:
     """The returns among points given by columns `(N,)`; values keep their types but for the points."""
-    x, y, z = (columns[name] for name in of[:3])
+    x, y, z = (columns[name] for name in names[:3])
     keep = are_returns(x, y, z)
     whole = bool(keep.all())
     points = np.empty((len(keep) if whole else int(np.count_nonzero(keep)), 3))
@@ -86,9 +86,9 @@ def returns(columns: Mapping[str, NDArray[Any]], of: Wanted) -> CloudColumns:
         points[:, column] = values if whole else values[keep]
     times, intensity = (
         None if name is None else (columns[name].copy() if whole else columns[name][keep])
-        for name in (of.time, of.intensity)
+        for name in (names.time, names.intensity)
     )
-    return CloudColumns(points, times, intensity, of.time or next(iter(like_times(columns, ())), None))
+    return CloudColumns(points, times, intensity, names.time or next(iter(like_times(columns, ())), None))
 
 
 def text_numbers(path: Path, body: bytes, count: int, per_point: int) -> FloatArray:

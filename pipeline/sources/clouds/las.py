@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.clouds.columns import CloudColumns, Wanted, returns
+from wiclosure.pipeline.sources.clouds.columns import CloudColumns, ColumnNames, returns
 
 
 def read_las(path: Path) -> CloudColumns:
@@ -28,4 +28,4 @@ def read_las(path: Path) -> CloudColumns:
     except Exception as error:  # laspy and lazrs raise kinds of their own
         raise InputError(f"{path} cannot be read as LAS ({error}); copy it again or remove it") from error
     time, intensity = (name if name in columns else None for name in ("gps_time", "intensity"))
-    return returns(columns, Wanted("x", "y", "z", time, intensity))
+    return returns(columns, ColumnNames("x", "y", "z", time, intensity))

@@ -15,19 +15,6 @@ from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns, timed_scan
 from wiclosure.types import Scan
 
-DRACO_TYPE = "point_cloud_interfaces/msg/CompressedPointCloud2"
-DEFINITION = """std_msgs/Header header
-uint32 height
-uint32 width
-sensor_msgs/PointField[] fields
-bool is_bigendian
-uint32 point_step
-uint32 row_step
-uint8[] compressed_data
-bool is_dense
-string format
-"""
-
 _POSITION = 0  # Draco's number of this kind of attribute
 _MERGED = {"x": ("x", "y", "z"), "nx": ("nx", "ny", "nz"), "normal_x": ("normal_x", "normal_y", "normal_z")}
 

@@ -1,13 +1,11 @@
-"""What all ROS messages have in common: how they are encoded, their stamp and their header."""
+"""What all ROS messages have in common: their stamp and their header."""
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, TypeAlias
-
-Encoding: TypeAlias = Literal["ros1", "cdr"]
-"""Of ROS 1, and of ROS 2."""
+from typing import Protocol, runtime_checkable
 
 
+@runtime_checkable
 class TimeMessage(Protocol):
     """`builtin_interfaces/Time`, as rosbags makes it."""
 

@@ -17,9 +17,9 @@ import struct
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import Encoding
 from wiclosure.pipeline.sources.messages.point_times import PointClock
 from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns, timed_scan
+from wiclosure.pipeline.sources.messages.ros_types import Encoding
 from wiclosure.types import Scan
 
 LIVOX_TYPES = (

@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 
 from wiclosure.errors import OutputError
-from wiclosure.pipeline.sources.messages.wireless_messages import MESSAGE_PACKAGE
+from wiclosure.pipeline.sources.messages.ros_types import MESSAGE_PACKAGE
 
 
 def write_message_package(folder: Path) -> Path:

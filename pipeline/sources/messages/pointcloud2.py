@@ -22,8 +22,6 @@ from wiclosure.types import Float32Array, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
 
-POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-
 # sensor_msgs/PointField's numbers; 9 to 11 are new in ROS 2 Lyrical, and in use before that.
 FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
@@ -128,10 +126,18 @@ def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np
 
     What lies beyond all places on Earth, in whatever coordinates, is no return either but a damaged number.
     """
+    return _are_near(_sizes(x, y, z))
+
+
+def _are_near(sizes: NDArray[Any]) -> NDArray[np.bool_]:
+    return np.asarray((sizes != 0) & (sizes < _FARTHEST_M))  # the latter is false for NaN
+
+
+def _sizes(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
+    """Sums `(N,)` of the coordinates' absolute values."""
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.add(np.abs(x), np.abs(y))
-        size = np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None)
-    return np.asarray((size != 0) & (size < _FARTHEST_M))  # the latter is false for NaN
+        return np.asarray(np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None))
 
 
 def timed_scan(
@@ -221,13 +227,13 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         here = points[end : end + len(block)]
         for column, name in enumerate("xyz"):
             here[:, column] = block[name]
-        good = are_returns(block["x"], block["y"], block["z"])
-        if good.all():
+        size = _sizes(block["x"], block["y"], block["z"])
+        if size.min() > 0 and size.max() < _FARTHEST_M:  # both are false for NaN
             for name, values in others.items():
                 values[end : end + len(block)] = block[name]
             end += len(block)
             continue
-        kept = np.flatnonzero(good)
+        kept = np.flatnonzero(_are_near(size))
         here[: len(kept)] = here.take(kept, axis=0, mode="clip")  # which spares it the check of each index
         for name, values in others.items():
             values[end : end + len(kept)] = block[name].take(kept, mode="clip")
@@ -237,4 +243,5 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:
-    return np.float64 if dtype.kind == "f" else np.int64
+    """What holds the numbers of a type exactly, and is fast to reckon with."""
+    return np.int64 if dtype.kind in "iu" and dtype.itemsize == 8 else np.float64

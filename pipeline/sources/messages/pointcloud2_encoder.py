@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.types import Scan
 

@@ -2,20 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING
-
-from wiclosure.pipeline.sources.messages.draco import DEFINITION as DRACO_DEFINITION
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
-from wiclosure.pipeline.sources.messages.headers import Encoding
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
-from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
+from importlib.resources import files
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
     from rosbags.typesys.store import Typestore
 
+Encoding: TypeAlias = Literal["ros1", "cdr"]
+"""How messages are encoded: of ROS 1, and of ROS 2."""
 
+POINT_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
+
+MEASUREMENT_TYPE = "wiclosure_msgs/msg/WirelessMeasurement"
+HEADING_TYPE = "wiclosure_msgs/msg/Heading"
+PATH_TYPE = "wiclosure_msgs/msg/AoaPath"
+
+MESSAGE_PACKAGE = files("wiclosure.formats") / "wiclosure_msgs"
+"""The ROS 2 package of these messages, as it is built in a workspace."""
+
+DEFINITIONS: Mapping[str, str] = {
+    msgtype: (MESSAGE_PACKAGE / "msg" / f"{msgtype.rpartition('/')[2]}.msg").read_text(encoding="utf-8")
+    for msgtype in (PATH_TYPE, MEASUREMENT_TYPE, HEADING_TYPE)
+}
+
+DRACO_TYPE = "point_cloud_interfaces/msg/CompressedPointCloud2"
+_DRACO_DEFINITION = """std_msgs/Header header
+uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] compressed_data
+bool is_dense
+string format
+"""
 _TRANSFORMS = dict.fromkeys(
     ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"), "geometry_msgs/TransformStamped[] transforms\n"
 )
@@ -27,7 +51,7 @@ def typestore(encoding: Encoding) -> Typestore:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
-    for msgtype, definition in {**DEFINITIONS, DRACO_TYPE: DRACO_DEFINITION, **_TRANSFORMS}.items():
+    for msgtype, definition in {**DEFINITIONS, DRACO_TYPE: _DRACO_DEFINITION, **_TRANSFORMS}.items():
         if msgtype not in store.types:
             store.register(get_types_from_msg(definition, msgtype))
     return store
@@ -56,7 +80,8 @@ def recorded_typestore(encoding: Encoding, msgtype: str, definition: MessageDefi
 
 def deserialize(store: Typestore, encoding: Encoding, raw: bytes, msgtype: str) -> object:
     """The message in `raw`."""
-    return store.deserialize_ros1(raw, msgtype) if encoding == "ros1" else store.deserialize_cdr(raw, msgtype)
+    view = memoryview(raw)  # parts of which are no copies
+    return store.deserialize_ros1(view, msgtype) if encoding == "ros1" else store.deserialize_cdr(view, msgtype)
 
 
 def serialize(store: Typestore, encoding: Encoding, message: object, msgtype: str) -> memoryview:

@@ -6,30 +6,18 @@ A number that may be absent is NaN; a transmitter's stamp, which may be absent t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from importlib.resources import files
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, TimeMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE, PATH_TYPE
 from wiclosure.types import AoaFrame, AoaPath, FloatArray, Heading, WirelessMeasurement
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Msg, Typestore
-
-MEASUREMENT_TYPE = "wiclosure_msgs/msg/WirelessMeasurement"
-HEADING_TYPE = "wiclosure_msgs/msg/Heading"
-PATH_TYPE = "wiclosure_msgs/msg/AoaPath"
-
-MESSAGE_PACKAGE = files("wiclosure.formats") / "wiclosure_msgs"
-"""The ROS 2 package of these messages, as it is built in a workspace."""
-
-DEFINITIONS: Mapping[str, str] = {
-    msgtype: (MESSAGE_PACKAGE / "msg" / f"{msgtype.rpartition('/')[2]}.msg").read_text(encoding="utf-8")
-    for msgtype in (PATH_TYPE, MEASUREMENT_TYPE, HEADING_TYPE)
-}
 
 
 class PathMessage(Protocol):

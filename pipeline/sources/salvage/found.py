@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
 _REMEMBERED = 3  # the first ones tell enough
 
 
@@ -31,7 +34,7 @@ class FoundMessage(NamedTuple):
     data: bytes
 
 
-Wanted: TypeAlias = Callable[[FoundTopic], bool]
+TopicChoice: TypeAlias = Callable[[FoundTopic], bool]
 """Whether the data of a topic's messages are wanted."""
 
 

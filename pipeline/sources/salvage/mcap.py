@@ -10,13 +10,19 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
+from wiclosure.pipeline.sources.salvage.found import (
+    MCAP_MAGIC,
+    Damage,
+    FoundMessage,
+    FoundTopic,
+    TopicChoice,
+    everything,
+)
 from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
-MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
 _MESSAGE_HEAD = 22  # bytes before a message's data: channel, sequence, two times
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
@@ -31,7 +37,7 @@ class _Known:
     topics: dict[int, FoundTopic] = field(default_factory=dict)
 
 
-def scan_mcap(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
+def scan_mcap(path: Path, damage: Damage, wanted: TopicChoice = everything) -> Iterator[FoundMessage]:
     """All whole messages, from whole and cut chunks alike, in the order of the file.
 
     Args:
@@ -41,7 +47,7 @@ def scan_mcap(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterat
     """
     known = _Known(damage)
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        if file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
             damage("the file does not start as an MCAP file")
             return
         operation = 0
@@ -62,7 +68,7 @@ def scan_mcap(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterat
 
 
 def _records(
-    file: BinaryIO, size: int, known: _Known | None = None, wanted: Wanted = everything
+    file: BinaryIO, size: int, known: _Known | None = None, wanted: TopicChoice = everything
 ) -> Iterator[tuple[int, bytes, bool]]:
     """Operation, content and whether it is whole, of each record; of messages that are not wanted, the head alone."""
     while len(head := file.read(9)) == 9 and head[0]:

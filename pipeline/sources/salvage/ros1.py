@@ -9,9 +9,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
+from wiclosure.pipeline.sources.salvage.found import (
+    ROS1_MAGIC,
+    Damage,
+    FoundMessage,
+    FoundTopic,
+    TopicChoice,
+    everything,
+)
 
-MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _HEAD, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 
@@ -26,7 +32,7 @@ class _Record(NamedTuple):
         return self.header.get("op", b"\0")[0]
 
 
-def scan_ros1(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
+def scan_ros1(path: Path, damage: Damage, wanted: TopicChoice = everything) -> Iterator[FoundMessage]:
     """All whole messages, from whole and cut chunks alike.
 
     Args:
@@ -36,7 +42,7 @@ def scan_ros1(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterat
     """
     topics: dict[bytes, FoundTopic] = {}
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        if file.read(len(ROS1_MAGIC)) != ROS1_MAGIC:
             damage("the file does not start as a ROS 1 bag")
             return
         for record in _records(file, path.stat().st_size):

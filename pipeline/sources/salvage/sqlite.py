@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, Wanted, everything
+from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, TopicChoice, everything
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
 
-def scan_sqlite3(path: Path, damage: Damage, wanted: Wanted = everything) -> Iterator[FoundMessage]:
+def scan_sqlite3(path: Path, damage: Damage, wanted: TopicChoice = everything) -> Iterator[FoundMessage]:
     """All whole messages, those in its write-ahead log included.
 
     Args:

@@ -15,7 +15,7 @@ else:
 logger = logging.getLogger(__name__)
 
 ZstdError = zstd.ZstdError
-MAGIC = b"\x28\xb5\x2f\xfd"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 def decompress(data: bytes) -> bytes:

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from typing import Literal, TypeAlias
 
-LengthUnit: TypeAlias = Literal["m", "mm", "cm", "dm", "km", "ft"]
-TimeUnit: TypeAlias = Literal["auto", "s", "ms", "us", "ns"]
+LengthUnit: TypeAlias = Literal["m", "mm", "cm", "dm", "km", "ft", "in"]
+TimeUnit: TypeAlias = Literal["auto", "s", "ms", "100us", "10us", "us", "100ns", "ns"]
 AngleUnit: TypeAlias = Literal["rad", "deg"]
 AzimuthZero: TypeAlias = Literal["forward", "left", "back", "right"]
 ElevationZero: TypeAlias = Literal["horizontal", "up"]
 
-METRES: Mapping[LengthUnit, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "ft": 0.3048}
-NANOSECONDS: Mapping[TimeUnit, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+METRES: Mapping[LengthUnit, float] = {
+    "m": 1.0,
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "dm": 1e-1,
+    "km": 1e3,
+    "ft": 0.3048,
+    "in": 0.0254,
+}
+NANOSECONDS: Mapping[TimeUnit, int] = {
+    "s": 10**9, "ms": 10**6, "100us": 10**5, "10us": 10**4, "us": 10**3, "100ns": 100, "ns": 1
+}  # fmt: skip
+_FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
 _ZERO_RAD: Mapping[AzimuthZero, float] = {
     "forward": 0.0,
     "left": math.pi / 2,
@@ -34,6 +46,9 @@ def metres(value: float, unit: LengthUnit) -> float:
 def stamp_unit_of(value: Decimal) -> TimeUnit:
     """The unit of a time since 1970, told by its size; times since a start-up are taken for seconds."""
     size = abs(value)
+    for unit, nanoseconds in NANOSECONDS.items():
+        if _FROM_S * 10**9 <= size * nanoseconds < _TO_S * 10**9:
+            return unit
     if size >= 10**17:
         return "ns"
     if size >= 10**14:
@@ -63,6 +78,8 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
 
 def _date_ns(text: str) -> int:
     """`2024-05-01T10:00:00.123456789Z`; datetime keeps microseconds, so the fraction is read apart."""
+    if re.fullmatch(r"\d{1,2}:\d\d(:\d\d([.,]\d*)?)?", text.strip()):
+        raise ValueError(f"{text[:40]!r} is a time of day; name the column of the date too, as stamp: [date, time]")
     if ":" not in text:
         raise ValueError(f"{text[:40]!r} is no time")
     head, point, tail = text.strip().partition(".")
@@ -70,7 +87,7 @@ def _date_ns(text: str) -> int:
     try:
         moment = datetime.fromisoformat(head.replace("/", "-") + tail[len(digits) :])
     except ValueError:
-        raise ValueError(f"{text[:40]!r} is no time") from None
+        raise ValueError(f"{text[:40]!r} is no time; write dates as 2024-05-31T14:05:00.25") from None
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     since = moment - datetime(1970, 1, 1, tzinfo=UTC)
     whole_s = since.days * 86_400 + since.seconds

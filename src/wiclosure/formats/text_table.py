@@ -1,9 +1,11 @@
-"""Tables of text: CSV, TSV, semicolons or white space, with a header line or without."""
+"""Tables of text: CSV, TSV, semicolons, bars, white space or JSON; with a line of names or without."""
 
 from __future__ import annotations
 
 import codecs
 import csv
+import json
+import logging
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -14,13 +16,21 @@ from pathlib import Path
 
 from wiclosure.errors import InputError
 
+logger = logging.getLogger(__name__)
+
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _SAMPLE_LINES = 50
 _SAMPLE_BYTES = 65_536
-_DELIMITERS = ("\t", ";", ",")
+_MOST_LINES = 2000  # among which so many lines of the table are looked for
+_DELIMITERS = ("\t", ";", ",", "|")
 SPACE = " "
 """The delimiter that stands for any white space."""
+JSON = "{"
+"""The delimiter that stands for a JSON object a line."""
+_REMARK = re.compile(r"\s*(#|%|//|;)+\s*")
+_ABSENT = {"", "-", "na", "n/a", "none", "null"}
+_UNITS = {"m", "mm", "cm", "ft", "in", "s", "ms", "us", "ns", "sec", "rad", "deg"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +40,7 @@ class TextTable:
     Args:
         path: the file.
         columns: their names; without a header line `1`, `2`, ...
+        units: of the columns, where a line below their names states them; empty words for those that have none.
         delimiter: between the cells; a space stands for any white space.
         has_header: whether a line of the file names the columns.
         first_line: number of the line where the rows begin, from 1.
@@ -42,6 +53,7 @@ class TextTable:
     has_header: bool
     first_line: int
     encoding: str
+    units: tuple[str, ...] = ()
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Line numbers from 1, and cells; blank lines and comments are left out.
@@ -52,7 +64,14 @@ class TextTable:
         with _reading(self.path):
             for number, line in _lines(self.path, self.encoding):
                 if number >= self.first_line and line.strip() and not line.lstrip().startswith("#"):
-                    yield number, _cells(line, self.delimiter)
+                    yield number, self._row(line)
+
+    def _row(self, line: str) -> list[str]:
+        if self.delimiter == JSON:
+            found = _json_cells(line)
+            return [found.get(column, "") for column in self.columns] if found else [line.strip()]
+        cells = _cells(line, self.delimiter)
+        return cells[:-1] if len(cells) == len(self.columns) + 1 and not cells[-1] else cells
 
 
 def open_table(
@@ -69,25 +88,115 @@ def open_table(
     Raises:
         InputError: the file cannot be read, is no text, or holds no rows.
     """
-    encoding = _encoding(path)
     with _reading(path):
-        head = list(islice(_lines(path, encoding), _SAMPLE_LINES))
-    content = [(number, line) for number, line in head if line.strip() and not line.lstrip().startswith("#")]
+        encoding = encoding_of(path)
+        head = list(_head(path, encoding))
+    content = [(number, line) for number, line in head if not line.lstrip().startswith("#")]
     if not content:
         raise InputError(f"{path} holds no rows; expected a table of measurements, one a line")
+    if delimiter is None and content[0][1].lstrip().startswith(JSON) and (keys := _json_cells(content[0][1])):
+        return TextTable(path, tuple(keys), JSON, True, content[0][0], encoding)
     delimiter = delimiter or _delimiter([line for _, line in content])
-    first = _cells(content[0][1], delimiter)
+    lines = [(number, _cells(line, delimiter)) for number, line in content]
+    start = _start([cells for _, cells in lines])
+    before = [line for number, line in head if number < lines[start][0]]
+    if start:
+        logger.warning(
+            "%s: the table begins on line %d; what stands before it was left out (%s)", path, lines[start][0],
+            content[0][1].strip()[:40],
+        )  # fmt: skip
+    return _named(path, lines[start:], before, delimiter, encoding, names, expected)
+
+
+def _named(
+    path: Path,
+    lines: Sequence[tuple[int, list[str]]],
+    before: Sequence[str],
+    delimiter: str,
+    encoding: str,
+    names: Sequence[str],
+    expected: Collection[str],
+) -> TextTable:
+    """The table of these lines, with the names of its columns; `before` are the lines above it."""
+    number, first = lines[0]
+    body = [cells for _, cells in lines[1:]]
     if names:
-        start = content[0][0] + (not any(map(is_number, first)))
+        start = number + (not any(map(is_number, first)))
         return TextTable(path, tuple(names), delimiter, False, start, encoding)
-    if not any(map(is_number, first)) or set(first) & set(expected):
-        return TextTable(path, tuple(first), delimiter, True, content[0][0] + 1, encoding)
-    commented = [line.lstrip()[1:] for number, line in head if line.lstrip().startswith("#") and number < content[0][0]]
-    header = _cells(commented[-1].strip(), delimiter) if commented else []
-    if len(header) == len(first) and not any(map(is_number, header)):
-        return TextTable(path, tuple(header), delimiter, True, content[0][0], encoding)
-    columns = tuple(str(number) for number in range(1, len(first) + 1))
-    return TextTable(path, columns, delimiter, False, content[0][0], encoding)
+    if _names_columns(first, body) or set(first) & set(expected):
+        units = tuple(body[0]) if body and _are_units(body[0], len(first)) else ()
+        return TextTable(path, tuple(first), delimiter, True, number + 1 + bool(units), encoding, _plain(units))
+    remarks = [_cells(_REMARK.sub("", line, count=1).strip(), delimiter) for line in before if _REMARK.match(line)]
+    named = [cells for cells in remarks if len(cells) == len(first) and not any(map(is_number, cells))]
+    if named:
+        units = tuple(named.pop()) if len(named) > 1 and _are_units(named[-1], len(first)) else ()
+        return TextTable(path, tuple(named[-1]), delimiter, True, number, encoding, _plain(units))
+    columns = tuple(str(column) for column in range(1, len(first) + 1))
+    return TextTable(path, columns, delimiter, False, number, encoding)
+
+
+def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
+    """The first lines that are not blank, comments too, until there are enough of the table."""
+    rows = 0
+    for number, line in islice(_lines(path, encoding), _MOST_LINES):
+        if line.strip():
+            yield number, line
+            rows += not line.lstrip().startswith("#")
+        if rows == _SAMPLE_LINES:
+            return
+
+
+def _start(lines: Sequence[Sequence[str]]) -> int:
+    """Which line the table begins with: the first as wide as most are; rows may end in a delimiter, names not."""
+    width, times = Counter(map(len, lines)).most_common(1)[0]
+    if times < len(lines) / 2:
+        return 0
+    open_end = all(not cells[-1] for cells in lines if len(cells) == width)
+    return next(n for n, cells in enumerate(lines) if len(cells) == width or (open_end and len(cells) == width - 1))
+
+
+def _names_columns(first: Sequence[str], body: Sequence[Sequence[str]]) -> bool:
+    """Whether the first line names columns: it has no numbers, or words where others have numbers, or it counts."""
+    if not any(map(is_number, first)):
+        return True
+    if len(first) > 2 and body and list(body[0]) != list(first):
+        for start in (0, 1):
+            if list(first) == [str(start + column) for column in range(len(first))]:
+                return True
+    return any(
+        cell.casefold() not in _ABSENT
+        and not is_number(cell)
+        and bool(body)
+        and sum(is_number(cells[column]) for cells in body if column < len(cells)) > len(body) / 2
+        for column, cell in enumerate(first)
+    )
+
+
+def _are_units(cells: Sequence[str], width: int) -> bool:
+    """Whether a line below the names states units, as `[s], -, -, [m]`."""
+    words = _plain(cells)
+    return len(cells) == width and not any(map(is_number, cells)) and bool(set(words) & _UNITS)
+
+
+def _plain(units: Sequence[str]) -> tuple[str, ...]:
+    return tuple(unit.strip("[]()").casefold() for unit in units)
+
+
+def _json_cells(line: str) -> dict[str, str]:
+    """The values of a JSON object by their paths, as `header.stamp`; empty where it is none."""
+    try:
+        content = json.loads(line)
+    except ValueError:
+        return {}
+    found: dict[str, str] = {}
+    waiting = [("", content)]
+    while waiting:
+        path, value = waiting.pop()
+        if isinstance(value, dict):
+            waiting += [(f"{path}.{key}" if path else str(key), inner) for key, inner in reversed(value.items())]
+        elif path:
+            found[path] = "" if value is None else str(value)
+    return found
 
 
 def is_number(cell: str) -> bool:
@@ -126,7 +235,11 @@ def _cells(line: str, delimiter: str) -> list[str]:
     line = line.rstrip("\r\n")
     if delimiter == SPACE:
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    return [_unquoted(cell.strip()) for cell in next(csv.reader([line], delimiter=delimiter), [])]
+
+
+def _unquoted(cell: str) -> str:
+    return cell[1:-1] if len(cell) > 1 and cell[0] == cell[-1] == "'" else cell
 
 
 def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
@@ -134,16 +247,20 @@ def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
         yield from enumerate(file, start=1)
 
 
-def _encoding(path: Path) -> str:
+def encoding_of(path: Path) -> str:
     """UTF-8; UTF-16 where the first bytes say so, as spreadsheets write it; else that of Windows in the west.
 
     Raises:
         InputError: bytes that no text has.
+        OSError: it cannot be read.
     """
-    with _reading(path), path.open("rb") as file:
+    with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
         return "utf-16"
+    for encoding, other in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
+        if len(head) > 1 and other.count(0) > 0.9 * len(other) and head.count(0) < 0.6 * len(head):
+            return encoding
     if b"\0" in head:
         raise InputError(f"{path} is not a table of text (it holds zero bytes); expected rows of cells")
     try:

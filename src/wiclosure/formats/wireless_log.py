@@ -14,13 +14,13 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.json_values import Record, name, number, optional, shown, vector
 from wiclosure.formats.radio_units import AngleUnit, radians
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.suggestions import did_you_mean
@@ -30,11 +30,7 @@ logger = logging.getLogger(__name__)
 
 MAX_STAMP_S = 9_000_000_000  # nanoseconds beyond this do not fit 64 bits
 DEFAULT_RANGE_SIGMA_M = 0.5  # of a range without `range_sigma`: UWB between moving robots
-_NUMBERS = (Decimal, int, float)
 _LARGEST_ANGLE_RAD = 2 * math.pi + 1e-6
-
-_Record: TypeAlias = Mapping[str, Any]
-_Value = TypeVar("_Value")
 
 
 def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> WirelessLog:
@@ -94,7 +90,7 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
         raise InputError(f"cannot read the wireless log {path}: {error.strerror}; check the path") from error
 
 
-def _parsed(line: bytes) -> _Record:
+def _parsed(line: bytes) -> Record:
     """The JSON object of a line, decimals kept exact, its keys checked."""
     try:
         record = json.loads(line.decode("utf-8-sig"), parse_float=Decimal)
@@ -105,7 +101,7 @@ def _parsed(line: bytes) -> _Record:
         raise InputError("not a JSON object; write one record {...} a line")
     kind = record.get("type")
     if not isinstance(kind, str) or kind not in _KEYS:
-        raise InputError(f'"type" is {_shown(kind)}; expected "wireless" or "heading"')
+        raise InputError(f'"type" is {shown(kind)}; expected "wireless" or "heading"')
     _check_keys(record, kind)
     return record
 
@@ -123,7 +119,7 @@ _KEYS: Mapping[str, tuple[frozenset[str], frozenset[str]]] = {  # required, opti
 }
 
 
-def _check_keys(record: _Record, kind: str) -> None:
+def _check_keys(record: Record, kind: str) -> None:
     required, optional = _KEYS[kind]
     if required <= record.keys() <= required | optional:
         return
@@ -134,128 +130,89 @@ def _check_keys(record: _Record, kind: str) -> None:
     if unknown:
         known = sorted(required | optional)
         hint = did_you_mean(unknown[0], known) or f"known keys: {', '.join(known)}"
-        raise InputError(f"{kind} record with unknown key {_shown(unknown[0])}; {hint.strip()}")
+        raise InputError(f"{kind} record with unknown key {shown(unknown[0])}; {hint.strip()}")
 
 
-def _measurement(record: _Record) -> WirelessMeasurement:
-    range_m = _optional(record, "range", _number)
-    range_sigma_m = _optional(record, "range_sigma", _number)
+def _measurement(record: Record) -> WirelessMeasurement:
+    range_m = optional(record, "range", number)
+    range_sigma_m = optional(record, "range_sigma", number)
     if range_m is None:
         range_sigma_m = None
     elif range_sigma_m is None:
         range_sigma_m = DEFAULT_RANGE_SIGMA_M
     return WirelessMeasurement(
         stamp_ns=_stamp_ns(record, "stamp"),
-        receiver=_name(record, "receiver"),
-        transmitter=_name(record, "transmitter"),
+        receiver=name(record, "receiver"),
+        transmitter=name(record, "transmitter"),
         range_m=range_m,
         range_sigma_m=range_sigma_m,
-        paths=_optional(record, "paths", _paths) or (),
-        aoa_frame=_optional(record, "aoa_frame", _name) or "body",  # type: ignore[arg-type]  # checked by the dataclass
-        transmitter_stamp_ns=_optional(record, "transmitter_stamp", _stamp_ns),
-        lever_arm_receiver=_optional(record, "lever_arm_receiver", _vector) or (0.0, 0.0, 0.0),
-        lever_arm_transmitter=_optional(record, "lever_arm_transmitter", _vector) or (0.0, 0.0, 0.0),
+        paths=optional(record, "paths", _paths) or (),
+        aoa_frame=optional(record, "aoa_frame", name) or "body",  # type: ignore[arg-type]  # checked by the dataclass
+        transmitter_stamp_ns=optional(record, "transmitter_stamp", _stamp_ns),
+        lever_arm_receiver=optional(record, "lever_arm_receiver", vector) or (0.0, 0.0, 0.0),
+        lever_arm_transmitter=optional(record, "lever_arm_transmitter", vector) or (0.0, 0.0, 0.0),
     )
 
 
-def _heading(record: _Record) -> Heading:
+def _heading(record: Record) -> Heading:
     return Heading(
         stamp_ns=_stamp_ns(record, "stamp"),
-        robot=_name(record, "robot"),
-        heading=_number(record, "heading"),
-        sigma=_number(record, "sigma"),
+        robot=name(record, "robot"),
+        heading=number(record, "heading"),
+        sigma=number(record, "sigma"),
     )
 
 
-def _paths(record: _Record, key: str) -> tuple[AoaPath, ...]:
+def _paths(record: Record, key: str) -> tuple[AoaPath, ...]:
     entries = record[key]
     if not isinstance(entries, list):
-        raise InputError(f'"{key}" is {_shown(entries)}; expected a list of paths, or null')
+        raise InputError(f'"{key}" is {shown(entries)}; expected a list of paths, or null')
     return tuple(_path(entry) for entry in entries)
 
 
 def _path(entry: object) -> AoaPath:
     if not isinstance(entry, dict):
-        raise InputError(f'a path is {_shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
+        raise InputError(f'a path is {shown(entry)}; expected {{"azimuth":..., "sigma":...}}')
     _check_keys(entry, "path")
-    weight = _optional(entry, "weight", _number)
-    azimuth, elevation = _number(entry, "azimuth"), _optional(entry, "elevation", _number)
+    weight = optional(entry, "weight", number)
+    azimuth, elevation = number(entry, "azimuth"), optional(entry, "elevation", number)
     if elevation is not None and abs(elevation) > math.pi / 2:
         raise InputError(
-            f'"elevation" is {_shown(entry["elevation"])}; expected radians within -pi/2 and pi/2: for a log in degrees'
+            f'"elevation" is {shown(entry["elevation"])}; expected radians within -pi/2 and pi/2: for a log in degrees'
             " add angle_unit: deg"
         )
     if abs(azimuth) > _LARGEST_ANGLE_RAD:  # warned of, not refused: it may be radians over several turns
         azimuth = math.remainder(azimuth, 2 * math.pi)
     return AoaPath(
         azimuth=azimuth,
-        sigma=_number(entry, "sigma"),
+        sigma=number(entry, "sigma"),
         weight=1.0 if weight is None else weight,
         elevation=elevation,
     )
 
 
-def _in_radians(record: _Record, unit: AngleUnit) -> _Record:
+def _in_radians(record: Record, unit: AngleUnit) -> Record:
     """The record with all angles and their sigmas converted; what is no number stays for those who read it."""
 
     def converted(entry: object, keys: Sequence[str]) -> object:
         if not isinstance(entry, dict):
             return entry
-        angles = {key: radians(_number(entry, key), unit) for key in keys if entry.get(key) is not None}
+        angles = {key: radians(number(entry, key), unit) for key in keys if entry.get(key) is not None}
         return {**entry, **angles}
 
     if record["type"] == "heading":
-        return {**record, **{key: radians(_number(record, key), unit) for key in ("heading", "sigma")}}
+        return {**record, **{key: radians(number(record, key), unit) for key in ("heading", "sigma")}}
     paths = record.get("paths")
     if not isinstance(paths, list):
         return record
     return {**record, "paths": [converted(path, ("azimuth", "elevation", "sigma")) for path in paths]}
 
 
-def _optional(record: _Record, key: str, read: Callable[[_Record, str], _Value]) -> _Value | None:
-    return None if record.get(key) is None else read(record, key)
-
-
-def _number(record: _Record, key: str) -> float:
-    """A finite number; NaN and Infinity, which Python's JSON lets through, are not."""
-    value = record[key]
-    if type(value) not in _NUMBERS:  # type(): a boolean is an integer too, but no number
-        raise InputError(f'"{key}" is {_shown(value)}; expected a number')
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise InputError(f'"{key}" is {_shown(value)}; expected a finite number (use null where there is none)')
-    return number
-
-
-def _stamp_ns(record: _Record, key: str) -> int:
-    seconds = _number(record, key)
+def _stamp_ns(record: Record, key: str) -> int:
+    seconds = number(record, key)
     if abs(seconds) > MAX_STAMP_S:
-        raise InputError(f'"{key}" is {_shown(record[key])}; stamps are seconds, not nanoseconds')
+        raise InputError(f'"{key}" is {shown(record[key])}; stamps are seconds, not nanoseconds')
     return round(Decimal(record[key]) * 1_000_000_000)
-
-
-def _name(record: _Record, key: str) -> str:
-    value = record[key]
-    if not isinstance(value, str) or not value:
-        raise InputError(f'"{key}" is {_shown(value)}; expected a name')
-    return value
-
-
-def _vector(record: _Record, key: str) -> tuple[float, float, float]:
-    value = record[key]
-    if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f'"{key}" is {_shown(value)}; expected [x, y, z] in metres')
-    x, y, z = (_number({key: component}, key) for component in value)
-    return x, y, z
-
-
-def _shown(value: object) -> str:
-    """A value as it stands in the file, cut where it is long."""
-    text = str(value) if isinstance(value, Decimal) else json.dumps(value, default=str)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 @dataclass
@@ -284,7 +241,7 @@ class _Degrees:
             )
 
 
-def _angles(record: _Record) -> Iterator[float]:
+def _angles(record: Record) -> Iterator[float]:
     """Azimuths and sigmas as they stand in a measurement's record."""
     for path in record.get("paths") or ():
         yield float(path["azimuth"])

@@ -310,27 +310,21 @@ def test_full_disk_leaves_the_old_result(wiclosure: Call, monkeypatch: pytest.Mo
     assert not list(Path().glob(".run*"))
 
 
+def long_run(jobs: str) -> subprocess.Popen[str]:
+    """A run in a group of processes of its own, with one robot that is soon read and one that is not."""
+    write_kitti_folder("alpha", SCANS)
+    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
+    words = ["run", "alpha", "beta", "--out", "run", "-q", "-j", jobs]
+    command = [sys.executable, "-m", "wiclosure", *words]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("jobs", "how"), [("1", signal.SIGINT), ("2", signal.SIGINT), ("2", signal.SIGTERM), ("3", signal.SIGHUP)]
 )
 def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str, how: signal.Signals) -> None:
-    write_kitti_folder("alpha", SCANS)
-    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
-    command = [
-        sys.executable,
-        "-m",
-        "wiclosure",
-        "run",
-        "alpha",
-        "beta",
-        "--out",
-        "run",
-        "-q",
-        "-j",
-        jobs,
-    ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = long_run(jobs=jobs)
     finished = tmp_path / "cache"
     deadline = time.monotonic() + 60
     while not (finished.is_dir() and list(finished.glob("odometry-*"))) and time.monotonic() < deadline:
@@ -351,29 +345,14 @@ def test_interrupt_is_clean_and_keeps_finished_stages(tmp_path: Path, jobs: str,
 @pytest.mark.slow
 def test_workers_end_with_a_command_that_is_killed() -> None:
     """Also the one that has nothing to do any more, and the process that reads ahead."""
-    write_kitti_folder("alpha", SCANS)
-    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
-    command = [
-        sys.executable,
-        "-m",
-        "wiclosure",
-        "run",
-        "alpha",
-        "beta",
-        "--out",
-        "run",
-        "-q",
-        "-j",
-        "4",
-    ]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    process = long_run(jobs="4")
     deadline = time.monotonic() + 60
     while not list(Path("cache").glob("odometry-*")) and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(2)
     assert len(left_behind(process.pid)) >= 4  # the command, a worker at rest, one at work, and its reader
     process.kill()
-    process.wait()
+    process.communicate(timeout=60)
     assert left_in_the_end(process.pid) == []
 
 

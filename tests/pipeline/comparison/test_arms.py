@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wiclosure.pipeline.cli.compare import make_plan
-from wiclosure.pipeline.cli.options import Configuration, Reading
+from wiclosure.pipeline.cli.options import Configuration, RecordingOptions
 from wiclosure.pipeline.comparison.arms import compare
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
@@ -50,7 +50,7 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Comparison, Path]:
     (folder / "out").mkdir()
     data = [f"{robot}={folder / robot}" for robot in ("alpha", "beta")]
     presets = f"strong,{folder / 'again.yaml'}"
-    plan = make_plan(data, "none,oracle", presets, configuration=Configuration(), reading=Reading())
+    plan = make_plan(data, "none,oracle", presets, configuration=Configuration(), reading=RecordingOptions())
     compared = compare(plan, folder / "out", cache=StageCache(None), jobs=1, progress=NoProgress())
     return compared, folder / "out"
 
@@ -80,7 +80,7 @@ def test_every_arm_has_its_run_folder_and_shared_pictures_lie_beside_them(rooms:
 
 @pytest.mark.slow
 def test_worlds_differ_by_seed_and_random_keeps_what_wiclosure_kept(tmp_path: Path) -> None:
-    plan = make_plan(YARD, "random,wiclosure", seeds=2, configuration=SITE, reading=Reading(n_scans=12))
+    plan = make_plan(YARD, "random,wiclosure", seeds=2, configuration=SITE, reading=RecordingOptions(n_scans=12))
     assert [world.seed for world in plan.worlds] == [3, 4]
     compared = compare(plan, tmp_path, cache=StageCache(None), jobs=1, progress=NoProgress())
     assert [(o.filter, o.seed) for o in compared.outcomes] == [

@@ -6,11 +6,11 @@ import pytest
 
 from wiclosure.pipeline.comparison.figures import summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
-from wiclosure.pipeline.comparison.page import summary_of, verdict
+from wiclosure.pipeline.comparison.page import comparison_verdict, summary_of
 
 
 def test_what_the_filter_was_worth_in_one_sentence(repeated: Comparison) -> None:
-    found = verdict(repeated, summaries(repeated))
+    found = comparison_verdict(repeated, summaries(repeated))
     assert found["sentence"] == (
         "With the filter wiclosure instead of none, back end strong, finding and using closures takes 4 s instead of"
         " 8 s (50 % less), 0 false closures are accepted instead of 3, and the error is 0.50 m instead of 12 m."
@@ -24,7 +24,7 @@ def test_runs_that_went_wrong_are_named(
     comparison_of: Callable[..., Comparison], run_metrics: Callable[..., dict]
 ) -> None:
     wrong = comparison_of(lambda name, seed: run_metrics(0.5, 1.0, false=2 if seed == 1 else 0), seeds=2)
-    found = verdict(wrong, summaries(wrong))
+    found = comparison_verdict(wrong, summaries(wrong))
     assert found["tone"] == "bad"
     assert found["next"][0] == "See seed-1/strong/wiclosure/report.html (2 false closures)."
     assert len(found["next"]) == 2
@@ -36,7 +36,7 @@ def test_an_arm_that_fails(
     comparison_of: Callable[..., Comparison], run_metrics: Callable[..., dict], base_m: float | None, words: str
 ) -> None:
     failed = comparison_of(lambda name, _: run_metrics(None if name == "wiclosure" else base_m, 1.0), seeds=1)
-    assert words in verdict(failed, summaries(failed))["sentence"]
+    assert words in comparison_verdict(failed, summaries(failed))["sentence"]
 
 
 def test_all_arms_and_all_runs_with_links(repeated: Comparison) -> None:

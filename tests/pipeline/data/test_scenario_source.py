@@ -18,7 +18,8 @@ from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario
 from wiclosure.pipeline.data.scenario_writer import RECORDERS, write_scenario
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation import Scenario, make_scenario
 from wiclosure.simulation.motion import MotionSettings, drive
 
@@ -64,7 +65,7 @@ def test_radio_is_that_which_simulate_writes(short_mission: Scenario, tmp_path: 
 
 def merged(inputs: Inputs, jobs: int = 1, config: Config = CONFIG) -> RunResult:
     prepared = prepare(inputs, config, cache=StageCache(None), jobs=jobs, progress=NoProgress())
-    return run(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
+    return run_stages(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError, OutputError
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.data.split import contiguous_parts, split_kitti
+from wiclosure.pipeline.data.split import contiguous_parts, find_sequence, split_kitti
 from wiclosure.types import FloatArray, Heading, Scan, WirelessLog
 
 COUNT = 31
@@ -39,7 +39,7 @@ def kitti(tmp_path: Path) -> Path:
 
 
 def test_three_robots_set_out_together(kitti: Path, tmp_path: Path) -> None:
-    dataset = split_kitti(kitti, "08", 3, tmp_path / "out")
+    dataset = split_kitti(find_sequence(kitti, "08"), 3, tmp_path / "out")
     assert list(dataset.robots) == ["alpha", "beta", "gamma"]
     numbers: list[int] = []
     for robot in dataset.robots:
@@ -58,7 +58,7 @@ def test_three_robots_set_out_together(kitti: Path, tmp_path: Path) -> None:
 
 
 def test_the_data_set_can_be_moved(kitti: Path, tmp_path: Path) -> None:
-    split_kitti(kitti / "sequences" / "08", None, 2, tmp_path / "out")
+    split_kitti(find_sequence(kitti / "sequences" / "08", None), 2, tmp_path / "out")
     (tmp_path / "out").rename(tmp_path / "moved")
     assert len(load_dataset([str(tmp_path / "moved")]).scans("beta")) in {15, 16}
 
@@ -81,34 +81,34 @@ def test_a_wireless_log_made_from_the_ground_truth(kitti: Path, tmp_path: Path) 
         assert truth is not None
         return WirelessLog((), (Heading(int(truth.stamps_ns[0]), "beta", float(se3.yaw(truth.poses)[0]), 0.1),))
 
-    dataset = split_kitti(kitti, "08", 2, tmp_path / "out", heard=heard)
+    dataset = split_kitti(find_sequence(kitti, "08"), 2, tmp_path / "out", heard=heard)
     assert [h.robot for h in dataset.wireless_log().headings] == ["beta"]
     assert [source.path for source in dataset.wireless] == [tmp_path / "out" / "wireless.jsonl"]
 
 
 def test_without_poses_there_is_no_ground_truth(kitti: Path, tmp_path: Path) -> None:
-    dataset = split_kitti(kitti, "03", 2, tmp_path / "out")
+    dataset = split_kitti(find_sequence(kitti, "03"), 2, tmp_path / "out")
     assert dataset.ground_truth("alpha") is None
 
 
 def test_what_cannot_be_split(kitti: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(InputError, match="no KITTI sequence '09'; it has 03, 08"):
-        split_kitti(kitti, "09", 2, out)
+        split_kitti(find_sequence(kitti, "09"), 2, out)
     with pytest.raises(InputError, match="too few for 3 robots"):
-        split_kitti(kitti, "03", 3, out)
+        split_kitti(find_sequence(kitti, "03"), 3, out)
     with pytest.raises(ConfigError, match="--robots is 1"):
-        split_kitti(kitti, "08", 1, out)
+        split_kitti(find_sequence(kitti, "08"), 1, out)
     with pytest.raises(ConfigError, match="--overlap is 1"):
-        split_kitti(kitti, "08", 2, out, overlap=1.0)
+        split_kitti(find_sequence(kitti, "08"), 2, out, overlap=1.0)
 
     def fails(dataset: Dataset) -> WirelessLog:
         raise InputError("no radio today")
 
     with pytest.raises(InputError, match="no radio"):
-        split_kitti(kitti, "08", 2, out, heard=fails)
+        split_kitti(find_sequence(kitti, "08"), 2, out, heard=fails)
     assert [path.name for path in tmp_path.iterdir()] == ["kitti"]
     out.mkdir()
     with pytest.raises(OutputError, match="exists already"):
-        split_kitti(kitti, "08", 2, out)
-    assert len(split_kitti(kitti, "08", 2, out, overwrite=True).robots) == 2
+        split_kitti(find_sequence(kitti, "08"), 2, out)
+    assert len(split_kitti(find_sequence(kitti, "08"), 2, out, overwrite=True).robots) == 2

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.closures import TruthCheck, candidate_metrics, closure_errors, closure_metrics
+from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.types import CandidatePairs, Closure, KeyframeId, Stage, Trajectory
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -99,3 +100,12 @@ class TestClosures:
             "accepted_true": 1,
             "accepted_false": 1,
         }
+
+
+def test_the_check_against_truth_has_the_limits_of_the_settings(path):
+    truth = {robot: path(seed, robot=robot) for seed, robot in enumerate(("alpha", "beta"))}
+    settings = EvaluationSettings(closure_error_m=0.5, closure_error_deg=3.0, ground_truth_gap_s=0.25)
+    truth_check = TruthCheck.of(settings, truth, {"alpha": truth["alpha"]})
+    assert (truth_check.error_m, truth_check.error_deg, truth_check.gap_s) == (0.5, 3.0, 0.25)
+    assert set(truth_check.truth) == {"alpha"}
+    assert truth_check.keyframes is truth

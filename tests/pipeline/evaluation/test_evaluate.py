@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
@@ -22,34 +20,7 @@ from wiclosure.types import (
     Trajectory,
 )
 
-SECOND = 1_000_000_000
-SEEDS = st.integers(0, 2**32 - 1)
-
-
-def path(seed, n=80, robot="alpha"):
-    """A winding path on uneven ground, a pose a second."""
-    rng = np.random.default_rng(seed)
-    step = np.zeros((n - 1, 6))
-    step[:, 2], step[:, 1], step[:, 3] = (
-        rng.normal(0, 0.15, n - 1),
-        rng.normal(0, 0.02, n - 1),
-        rng.uniform(0.5, 1.5, n - 1),
-    )
-    poses = [se3.from_yaw(rng.uniform(-3, 3), rng.normal(0, 30, 3))]
-    for T in se3.exp(step):
-        poses.append(poses[-1] @ T)
-    return Trajectory(robot, np.arange(n, dtype=np.int64) * SECOND, np.stack(poses))
-
-
-def disturbed(trajectory, seed, sigma=0.05):
-    noise = np.random.default_rng(seed).normal(0, sigma, (len(trajectory), 6)) * np.repeat([0.1, 1.0], 3)
-    return Trajectory(trajectory.robot, trajectory.stamps_ns, trajectory.poses @ se3.exp(noise))
-
-
-def turned(seed):
-    rng = np.random.default_rng(seed)
-    return se3.from_rotation_translation(Rotation.random(rng=rng).as_matrix(), rng.normal(0, 100, 3))
-
+from .known_paths import SECOND, path, turned
 
 TRUTH = {"alpha": path(1), "beta": path(2, robot="beta"), "gamma": path(3, robot="gamma")}
 COSTS = {"seconds": {"total": 1.0}, "seconds_spent": {"total": 0.5}, "bytes_exchanged": 5, "peak_rss_mb": 100.0}

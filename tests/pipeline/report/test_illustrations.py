@@ -17,7 +17,8 @@ from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run, merged_view
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import RunResult, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Scan, Trajectory
 
 STAMPS_NS = 10**9 + np.arange(3) * 10**8
@@ -46,7 +47,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     config = load_config(overrides=["odometry.num_threads=1"])
     inputs = open_inputs([str(folder)])
     prepared = prepare(inputs, config, cache=StageCache(None), jobs=1, progress=NoProgress())
-    return run(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
+    return run_stages(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ import logging
 import pytest
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from wiclosure.pipeline.sources.bag import counted, same_topic, unpacked
+from wiclosure.pipeline.sources.bag import counted_topics, decompressed, same_topic
 from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 
@@ -15,14 +15,14 @@ def topic(name: str, msgtype: str = "std_msgs/msg/String", definition: str = "",
 
 
 def test_messages_of_a_topic_are_counted_over_all_its_descriptions() -> None:
-    found = counted([(topic("/b"), 2), (topic("/a", definition="string data"), 3), (topic("/a"), 4)])
+    found = counted_topics([(topic("/b"), 2), (topic("/a", definition="string data"), 3), (topic("/a"), 4)])
     assert {name: of.count for name, of in found.items()} == {"/a": 7, "/b": 2}
     assert found["/a"].found.definition.data == "string data"
 
 
 def test_of_two_types_on_one_name_the_one_with_more_messages_is_read(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        found = counted([(topic("/a", "pkg/msg/Old"), 9), (topic("/a", "pkg/msg/New"), 2)])
+        found = counted_topics([(topic("/a", "pkg/msg/Old"), 9), (topic("/a", "pkg/msg/New"), 2)])
     assert (found["/a"].msgtype, found["/a"].count) == ("pkg/msg/Old", 9)
     assert "topic /a has messages of several types; those of pkg/msg/Old are read" in caplog.text
 
@@ -34,5 +34,5 @@ def test_topics_are_alike_whatever_their_definitions() -> None:
 
 
 def test_compressed_messages_are_unpacked_and_others_left_alone() -> None:
-    assert unpacked(zstd.zstd.compress(b"hello" * 9)) == b"hello" * 9
-    assert unpacked(b"\0\1\0\0hello") == b"\0\1\0\0hello"
+    assert decompressed(zstd.zstd.compress(b"hello" * 9)) == b"hello" * 9
+    assert decompressed(b"\0\1\0\0hello") == b"\0\1\0\0hello"

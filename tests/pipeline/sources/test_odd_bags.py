@@ -15,12 +15,13 @@ import yaml
 from wiclosure.errors import InputError
 from wiclosure.pipeline.data.dataset_writer import write_ros2_bag
 from wiclosure.pipeline.sources.info import recording_info
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, typestore
+from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 
+from .conftest import START_NS
 from .mcap_bytes import Topic, mcap_bytes
 
 ROS2 = typestore("cdr")
@@ -210,3 +211,62 @@ def test_topics_of_one_name_and_two_types(tmp_path: Path, scans: list[Scan]) -> 
     other = Topic("/points", "std_msgs/msg/Empty", [(5, b"\0\1\0\0\0")])
     (tmp_path / "a.mcap").write_bytes(mcap_bytes([other, clouds(scans)]))
     assert_read(tmp_path / "a.mcap", scans)
+
+
+# ------------------------------------------------------------------------------------------- several sensors, one topic
+def transform_topic(parent: str, child: str, x: float) -> Topic:
+    types = ROS2.types
+    vector, turn = types["geometry_msgs/msg/Vector3"](x=x, y=0.0, z=0.0), types["geometry_msgs/msg/Quaternion"]
+    stamped = types["geometry_msgs/msg/TransformStamped"](
+        header=encode_header(START_NS, ROS2, parent),
+        child_frame_id=child,
+        transform=types["geometry_msgs/msg/Transform"](translation=vector, rotation=turn(x=0.0, y=0.0, z=0.0, w=1.0)),
+    )
+    message = types["tf2_msgs/msg/TFMessage"](transforms=[stamped])
+    return Topic(
+        "/tf_static",
+        "tf2_msgs/msg/TFMessage",
+        [(START_NS, bytes(ROS2.serialize_cdr(message, "tf2_msgs/msg/TFMessage")))],
+    )
+
+
+def framed(scan: Scan, frame_id: str, later_ns: int = 0) -> tuple[int, bytes]:
+    message = encode_scan(scan, ROS2, frame_id)
+    return scan.stamp_ns + later_ns, bytes(ROS2.serialize_cdr(message, POINT_CLOUD_TYPE))
+
+
+@pytest.mark.parametrize("later_ns", [0, 30_000_000])
+def test_two_sensors_with_equal_stamps_are_merged(
+    tmp_path: Path, scans: list[Scan], caplog: pytest.LogCaptureFixture, later_ns: int
+) -> None:
+    messages = [framed(scan, frame, at) for scan in scans for frame, at in (("left", 0), ("right", later_ns))]
+    path = tmp_path / "two.mcap"
+    path.write_bytes(
+        mcap_bytes([Topic("/points", "sensor_msgs/msg/PointCloud2", messages), transform_topic("left", "right", 2.0)])
+    )
+    read = list(open_source(path, topic="/points"))
+    assert [scan.stamp_ns for scan in read] == [scan.stamp_ns for scan in scans]
+    for scan, original in zip(read, scans, strict=True):
+        np.testing.assert_allclose(
+            scan.points, np.vstack([original.points, original.points + np.array([2.0, 0.0, 0.0])])
+        )
+        assert scan.times is not None
+    assert "same stamp were merged" in caplog.text
+
+
+def test_parts_of_one_frame_and_stamp_are_merged_and_copies_left_out(tmp_path: Path, scans: list[Scan]) -> None:
+    halves = [Scan(scan.stamp_ns, scan.points[half::2]) for scan in scans for half in (0, 1)]
+    messages = [framed(scan, "base", number % 2 * 1_000_000) for number, scan in enumerate(halves)]
+    path = tmp_path / "halves.mcap"
+    path.write_bytes(mcap_bytes([Topic("/points", "sensor_msgs/msg/PointCloud2", [*messages, messages[-1]])]))
+    read = list(open_source(path))
+    assert [len(scan.points) for scan in read] == [len(scan.points) for scan in scans]
+
+
+def test_a_stamp_that_stands_still_once_merges_nothing(tmp_path: Path, scans: list[Scan]) -> None:
+    messages = [framed(scan, "base") for scan in scans]
+    stuck = Scan(scans[2].stamp_ns, scans[3].points)
+    messages[3] = framed(stuck, "base", 100_000_000)
+    path = tmp_path / "stuck.mcap"
+    path.write_bytes(mcap_bytes([Topic("/points", "sensor_msgs/msg/PointCloud2", messages)]))
+    assert [len(scan.points) for scan in open_source(path)] == [len(scans[0].points)] * (len(scans) - 1)

@@ -21,9 +21,8 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.info import recording_info
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, typestore
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 

@@ -7,7 +7,7 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import BagTopic
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 from wiclosure.pipeline.sources.scan_topics import SCAN_TYPES, choose_topic, holds_scans
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
-from wiclosure.pipeline.sources.scanned_bag import damaged, scanned_bag, survey
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
+from wiclosure.pipeline.sources.scanned_bag import damaged, scanned_bag, survey_bag
 from wiclosure.types import Scan
 
 
@@ -23,7 +23,7 @@ def file_of(bags: dict[str, Path], kind: str) -> Path:
 def test_a_whole_bag_is_counted_and_has_no_damage(
     bags: dict[str, Path], scans: list[Scan], kind: str, contents: bool
 ) -> None:
-    found = survey(kind, [file_of(bags, kind)], contents=contents)
+    found = survey_bag(kind, [file_of(bags, kind)], contents=contents)
     assert {name: (topic.msgtype, topic.count) for name, topic in found.topics.items()} == {
         "/points": (POINT_CLOUD_TYPE, 6)
     }
@@ -34,7 +34,7 @@ def test_a_whole_bag_is_counted_and_has_no_damage(
 @pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite3"])
 def test_messages_come_with_the_time_of_their_reception(bags: dict[str, Path], scans: list[Scan], kind: str) -> None:
     files = [file_of(bags, kind)]
-    bag = scanned_bag(bags[kind], kind, files, survey(kind, files))
+    bag = scanned_bag(bags[kind], kind, files, survey_bag(kind, files))
     assert [stamp_ns for stamp_ns, _ in bag.read("/points")] == [scan.stamp_ns for scan in scans]
     _, message = next(bag.messages("/points"))
     read = np.frombuffer(message.data, "<f4").reshape(300, -1)[:, :3]  # type: ignore[attr-defined]
@@ -47,7 +47,7 @@ def test_messages_out_of_order_are_put_in_order(bags: dict[str, Path], scans: li
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("UPDATE messages SET timestamp = ? WHERE id = 4", (scans[0].stamp_ns - 5,))
         connection.commit()
-    found = survey("sqlite3", [path])
+    found = survey_bag("sqlite3", [path])
     assert (found.unordered, found.start_ns) == ({"/points"}, scans[0].stamp_ns - 5)
     read = list(scanned_bag(path, "sqlite3", [path], found).read("/points"))
     in_file = list(scanned_bag(path, "sqlite3", [file_of(bags, "sqlite3")], found).read("/points"))
@@ -59,9 +59,9 @@ def test_messages_out_of_order_are_put_in_order(bags: dict[str, Path], scans: li
 def test_a_file_that_changes_is_read_again(bags: dict[str, Path], tmp_path: Path) -> None:
     path, content = tmp_path / "a.bag", file_of(bags, "ros1").read_bytes()
     path.write_bytes(content)
-    assert survey("ros1", [path]).count == 6
+    assert survey_bag("ros1", [path]).count == 6
     path.write_bytes(content[: len(content) // 100])
-    assert survey("ros1", [path]).count == 0
+    assert survey_bag("ros1", [path]).count == 0
 
 
 def test_the_error_of_a_damaged_bag_says_what_could_be_saved(bags: dict[str, Path], tmp_path: Path) -> None:
@@ -72,4 +72,4 @@ def test_the_error_of_a_damaged_bag_says_what_could_be_saved(bags: dict[str, Pat
     head.write_bytes(whole.read_bytes()[:40])
     assert "holds no whole message" in str(damaged(head, "ros1", [head], "cut"))
     with pytest.raises(InputError, match="holds no whole message, nothing can be salvaged"):
-        scanned_bag(head, "ros1", [head], survey("ros1", [head]))
+        scanned_bag(head, "ros1", [head], survey_bag("ros1", [head]))

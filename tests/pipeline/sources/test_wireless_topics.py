@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag, write_ros2_bag
-from wiclosure.pipeline.sources.messages.ros_types import typestore
-from wiclosure.pipeline.sources.messages.wireless_messages import MEASUREMENT_TYPE, encode_header, encode_measurement
+from wiclosure.pipeline.sources.messages.ros_types import MEASUREMENT_TYPE, typestore
+from wiclosure.pipeline.sources.messages.wireless_messages import encode_header, encode_measurement
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.wireless_topics import RANGE_TYPE, read_wireless_topics
 from wiclosure.types import AoaPath, Heading, Scan, WirelessLog, WirelessMeasurement

@@ -13,7 +13,8 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import Prepared, RunResult, candidate_filter, prepare, run
+from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Scan, Stage, Trajectory, WirelessMeasurement
 
@@ -60,7 +61,7 @@ def run_with(prepared: Prepared, change: Change, *, filter_name: str = "wiclosur
     check = prepared.config.mutual_check.model_copy(update={"enabled": enabled})
     config = prepared.config.model_copy(update={"mutual_check": check})
     chosen = candidate_filter(filter_name, inputs, config)
-    return run(replace(prepared, inputs=inputs, config=config), chosen, progress=NoProgress())
+    return run_stages(replace(prepared, inputs=inputs, config=config), chosen, progress=NoProgress())
 
 
 def honest(m: WirelessMeasurement) -> WirelessMeasurement:

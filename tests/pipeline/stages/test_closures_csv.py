@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.pipeline.stages.closures_csv import COLUMNS, decision, write_closures
+from wiclosure.pipeline.stages.closures_csv import CLOSURE_COLUMNS, decision, write_closures
 from wiclosure.types import (
     Closure,
     KeyframeId,
@@ -56,7 +56,7 @@ def test_a_closure_in_the_map_has_all_that_is_known_of_it(tmp_path: Path) -> Non
         "prior_chi2": "2.5", "inliers": "120", "inlier_ratio": "0.5", "agreement": "0.97", "rms_m": "0.125",
         "consistent_with": "3", "residual_m": "0.5", "residual_rad": "0.0625",
     }  # fmt: skip
-    assert tuple(row) == COLUMNS
+    assert tuple(row) == CLOSURE_COLUMNS
 
 
 def test_poses_are_written_between_the_bodies_at_the_stamps(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from wiclosure import se3
 from wiclosure.formats.kitti_poses import read_kitti_poses
 from wiclosure.formats.tum import read_tum
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.stages.merged_folder import COLUMNS, summary, write_merged
-from wiclosure.pipeline.stages.optimising import merge
+from wiclosure.pipeline.stages.merged_folder import OPTIMISED_COLUMNS, summary, write_merged
+from wiclosure.pipeline.stages.optimising import merge_graphs
 
 COUNT = 8
 OFFSET = np.array([0.0, 3.0, 0.0])
@@ -37,7 +37,7 @@ def merged(tmp_path_factory):
     lines += [edge(a + 2, b + 6, (-26.0, 3.0, 0.0))]
     path = tmp_path_factory.mktemp("graph") / "team.g2o"
     path.write_text("\n".join(lines))
-    return merge([path], Config())
+    return merge_graphs([path], Config())
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_trajectories_are_the_estimate_in_each_format(merged, written):
 def test_every_closure_has_a_row_with_its_decision(written):
     with (written / "closures.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == OPTIMISED_COLUMNS
     accepted = {(row["first"], row["second"]) for row in rows if row["decision"] == "accepted"}
     assert accepted == {(f"a{n}", f"b{n}") for n in (0, 1, 3, 5, 7)}
     (other,) = (row for row in rows if row["decision"] != "accepted")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.stages.merged_folder import summary, write_merged
-from wiclosure.pipeline.stages.optimising import merge
+from wiclosure.pipeline.stages.optimising import merge_graphs
 from wiclosure.types import KeyframeId
 
 SIGMA = np.repeat([0.01, 0.05], 3)
@@ -53,7 +53,7 @@ def graph(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def merged(graph):
-    return merge([graph[0]], Config())
+    return merge_graphs([graph[0]], Config())
 
 
 def test_the_estimate_has_the_coordinates_of_the_files(graph, merged):
@@ -72,7 +72,7 @@ def test_sentences_of_all_stages_are_the_diagnosis(merged):
 
 def test_settings_of_the_user_go_before_those_for_graphs(graph):
     config = Config.model_validate({"pcm": {"min_clique_size": 9}})
-    assert merge([graph[0]], config).graph.components == (("a",), ("b",))
+    assert merge_graphs([graph[0]], config).graph.components == (("a",), ("b",))
 
 
 def test_the_summary_counts_every_closure_and_the_files_hold_it(merged, tmp_path):

@@ -11,7 +11,7 @@ from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, OdometryResult
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
-from wiclosure.pipeline.stages.registrations import Known, Registered, Start
+from wiclosure.pipeline.stages.registrations import KnownRegistrations, Registered, Start
 from wiclosure.types import KeyframeId, Measured, RegistrationEvidence
 
 
@@ -39,7 +39,7 @@ def measured(chi2: float | None, rms_m: float = 0.1) -> Measured:
     return Measured(se3.from_yaw(0.3, np.array([1.0, 2.0, 3.0])), 0.1 * np.eye(6), evidence)
 
 
-KNOWN: Known = {
+KNOWN: KnownRegistrations = {
     start(1.0): Registered(measured(2.5), True, "it fits", 0.25),
     start(np.nan): Registered(measured(None), False, "ambiguous: ä", 0.5),
     start(2.0): Registered(None, False, "only 3 points", 0.125),
@@ -51,7 +51,7 @@ def test_registrations_come_back_as_they_were_for_the_same_clouds_and_settings_o
     cache, settings = StageCache(tmp_path), RegistrationSettings()
     fronts = {robot: front(robot) for robot in ("alpha", "beta")}
     RegistrationStore(cache, fronts, settings).keep(KNOWN)
-    known: Known = {}
+    known: KnownRegistrations = {}
     assert RegistrationStore(cache, fronts, settings).recall(known) == 4
     assert known.keys() == KNOWN.keys()
     for key, expected in KNOWN.items():

@@ -6,7 +6,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.registrations import Clouds, Known, Registered, RegistrationPool, Start
+from wiclosure.pipeline.stages.registrations import Clouds, KnownRegistrations, Registered, RegistrationPool, Start
 from wiclosure.types import (
     Closure,
     Float32Array,
@@ -59,7 +59,7 @@ def test_processes_register_as_one_does(clouds: Clouds) -> None:
 
 
 def test_a_closure_is_registered_once_from_each_start(clouds: Clouds) -> None:
-    known: Known = {}
+    known: KnownRegistrations = {}
     pool = RegistrationPool(SETTINGS, clouds, known)
     first, first_s = pool.register([proposal(0, 0, PREDICTED), proposal(0, 0, PREDICTED), proposal(0, 0)], NoProgress())
     assert len(known) == 2
@@ -72,7 +72,7 @@ def test_a_closure_is_registered_once_from_each_start(clouds: Clouds) -> None:
 
 
 def test_what_is_known_of_a_start_applies_to_a_closure_that_looks_otherwise(clouds: Clouds) -> None:
-    known: Known = {}
+    known: KnownRegistrations = {}
     pool = RegistrationPool(SETTINGS, clouds, known)
     (first,), _ = pool.register([proposal(0, 0)], NoProgress())
     (second,), _ = pool.register([proposal(0, 0, distance=0.3)], NoProgress())

@@ -15,7 +15,7 @@ from wiclosure.pipeline.data.dataset_writer import write_ros2_bag
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
-from wiclosure.pipeline.stages.run import candidate_filter, prepare, run
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_folder import read_trajectories, write_run
 from wiclosure.types import Scan, Trajectory
 
@@ -71,7 +71,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     inputs = open_inputs([str(folder)])
     prepared = prepare(inputs, config, cache=StageCache(None), jobs=1, progress=NoProgress())
     (folder / "out").mkdir()
-    result = run(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
+    result = run_stages(prepared, candidate_filter("none", inputs, config), progress=NoProgress())
     write_run(folder / "out", result)
     return folder
 

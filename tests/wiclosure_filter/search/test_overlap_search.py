@@ -12,20 +12,7 @@ from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import SearchTrace, find_overlap
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel, ShortestRoutes
 
-
-def random_places(rng: np.random.Generator, size: int, nodes: int, d: int, extent: float) -> KeyframePlaces:
-    """A random walk, with keyframes spread over the nodes at random."""
-    heading = np.cumsum(rng.normal(0, 0.3, size)) + rng.uniform(0, 6)
-    step = rng.choice([0.5, 2.0, 10.0]) * np.stack([np.cos(heading), np.sin(heading), 0.1 * heading], axis=1)[:, :d]
-    along = np.sort(rng.choice([0.1, 1.0]) * rng.uniform(0, nodes - 1, size))
-    node = along.astype(np.int64)
-    own = rng.uniform(-1, 1, (size, d, d))
-    return KeyframePlaces(
-        positions=np.cumsum(step, axis=0) + rng.uniform(-extent, extent, d),
-        own_covariance=rng.choice([0.0, 1e-4, 1.0, 50.0]) * own @ np.swapaxes(own, 1, 2),
-        node=node,
-        fraction=along - node,
-    )
+from .random_places import random_places
 
 
 def random_model(seed: int, d: int, shortest: bool) -> PairModel:

@@ -203,9 +203,8 @@ def test_two_lidars_of_one_robot_are_no_team(tmp_path: Path) -> None:
 def two_topics(path: Path, topics: tuple[str, str]) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
     from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-    from wiclosure.pipeline.sources.messages.ros_types import typestore
+    from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, typestore
 
     store = typestore("cdr")
     with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:

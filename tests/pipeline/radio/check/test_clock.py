@@ -35,19 +35,20 @@ def test_a_log_that_shares_a_time_is_left_alone():
 
 
 @pytest.mark.parametrize(
-    ("span", "settings"),
+    ("span", "read", "settings"),
     [
-        (Span(POSES.first_ns * 1000, POSES.last_ns * 1000), {"stamp_unit": "ms"}),
-        (Span(POSES.first_ns // 10**6, POSES.last_ns // 10**6), {"stamp_unit": "ms"}),
-        (log(1_700_000_050 - 2 * 3600), {"time_offset": 7200}),
-        (log(1_700_000_050 + 5.5 * 3600), {"time_offset": -19800}),
-        (log(12.5), {"time_offset": 1_699_999_987.5}),
-        (log(1_700_000_000 - 40 * 86_400), {}),
+        (Span(POSES.first_ns * 1000, POSES.last_ns * 1000), "s", {"stamp_unit": "ms"}),
+        (Span(POSES.first_ns // 10**6, POSES.last_ns // 10**6), "ns", {"stamp_unit": "ms"}),
+        (Span(POSES.first_ns // 10, POSES.last_ns // 10), "us", {"stamp_unit": "10us"}),
+        (log(1_700_000_050 - 2 * 3600), "s", {"time_offset": 7200}),
+        (log(1_700_000_050 + 5.5 * 3600), "s", {"time_offset": -19800}),
+        (log(12.5), "s", {"time_offset": 1_699_999_987.5}),
+        (log(1_700_000_000 - 40 * 86_400), "s", {}),
     ],
-    ids=["read as s", "read as ns", "two hours", "half an hour too", "since a start", "another day"],
+    ids=["read as s", "read as ns", "ticks", "two hours", "half an hour too", "since a start", "another day"],
 )
-def test_what_explains_that_nothing_overlaps(span, settings):
-    found = check_overlap(span, POSES)
+def test_what_explains_that_nothing_overlaps(span, read, settings):
+    found = check_overlap(span, POSES, read)
     assert (found.topic, found.level, dict(found.settings)) == ("overlap", "suspect", settings)
 
 

@@ -73,3 +73,17 @@ def test_a_fit_is_followed_while_the_data_move():
     again = refit(a + np.array([0.5, 0.0, 0.0]), b, ranges, near)
     np.testing.assert_allclose(again.translation - near.translation, [0.5, 0.0, 0.0], atol=0.02)
     assert again.rms_m < 1e-3
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6), height=st.sampled_from([-12.0, 3.0, 8.0, 30.0]), wavy=st.booleans())
+def test_robots_on_flat_floors_of_different_height(seed, height, wavy):
+    a, b, _, yaw, translation = world(seed)
+    a[:, 2], b[:, 2] = (0.01 * np.sin(np.arange(80)) if wavy else 0.0), 0.0
+    c, s = np.cos(yaw), np.sin(yaw)
+    moved = b @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + [*translation[:2], height]
+    ranges = np.linalg.norm(a - moved, axis=1)
+    fit = fit_ranges(a, b, ranges)
+    assert fit.rms_m < 0.01
+    assert abs(fit.translation[2]) == pytest.approx(abs(height), rel=0.02)
+    np.testing.assert_allclose(fit.translation[:2], translation[:2], atol=0.2)

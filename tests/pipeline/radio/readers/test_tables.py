@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.pipeline.radio.readers.tables import line_rows, table_rows
+from wiclosure.pipeline.radio.readers.tables import line_rows, opened, table_rows
 from wiclosure.pipeline.radio.source import RadioSource
 
 
@@ -24,7 +24,7 @@ def write(tmp_path: Path):
 
 
 def rows(path: Path, of: RadioSource) -> list[tuple[str, dict, str | None]]:
-    return [(row.place, dict(row.values), row.problem) for row in table_rows(path, of)[0]]
+    return [(row.place, dict(row.values), row.problem) for row in table_rows(opened(path, of), of)[0]]
 
 
 def test_a_row_a_line_by_the_names_of_columns(write) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wiclosure.pipeline.report.html.advice import next_steps
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import CandidatePairs, Stage, WirelessLog
 
 Runs = Callable[..., RunResult]

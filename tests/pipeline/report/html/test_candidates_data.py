@@ -4,7 +4,7 @@ import numpy as np
 
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.report.html.candidates_data import Overlap, candidate_matrices
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.types import CandidatePairs, Closure, KeyframeId, Measured, Stage, Trajectory
 
 SECOND_NS = 10**9
@@ -21,7 +21,7 @@ def test_small_matrices_have_a_bin_for_each_pair() -> None:
     pairs = CandidatePairs.without_prediction("a", "b", np.array([0, 1, 3]), np.array([0, 4, 2]))
     settings = EvaluationSettings(overlap_radius_m=1.1)
     (found,) = candidate_matrices([pairs], {"a": a, "b": b}, overlap=Overlap({"a": a, "b": b}, settings))
-    kept, overlap = unpacked(found["kept"]), unpacked(found["overlap"])
+    kept, overlap = unpacked_array(found["kept"]), unpacked_array(found["overlap"])
     assert kept.shape == (4, 5)
     assert np.argwhere(kept == 255).tolist() == [[0, 0], [1, 4], [3, 2]]
     assert np.argwhere(overlap).tolist() == [[0, 0], [1, 1], [2, 2], [3, 3]]  # side by side, 1 m apart
@@ -34,13 +34,13 @@ def test_large_matrices_are_binned_and_every_pair_counted() -> None:
     rng = np.random.default_rng(0)
     pairs = CandidatePairs.without_prediction("a", "b", rng.integers(0, 1000, 5000), rng.integers(0, 700, 5000))
     (found,) = candidate_matrices([pairs], {"a": a, "b": b})
-    assert unpacked(found["kept"]).shape == (200, 200)
+    assert unpacked_array(found["kept"]).shape == (200, 200)
     assert found["overlap"] is None
     assert np.sum(found["parts"]["kept"]) == 5000
     assert np.shape(found["parts"]["kept"]) == (10, 10)
     alone = CandidatePairs.without_prediction("a", "b", np.array([999]), np.array([699]))
     (found,) = candidate_matrices([alone], {"a": a, "b": b})
-    assert np.argwhere(unpacked(found["kept"])).tolist() == [[199, 199]]  # one pair among many stays visible
+    assert np.argwhere(unpacked_array(found["kept"])).tolist() == [[199, 199]]  # one pair among many stays visible
 
 
 def test_accepted_closures_are_marked_whichever_robot_asked() -> None:
@@ -53,7 +53,7 @@ def test_accepted_closures_are_marked_whichever_robot_asked() -> None:
         for query, match in ends
     ]
     (found,) = candidate_matrices([pairs], {"a": a, "b": b}, closures)
-    np.testing.assert_allclose(unpacked(found["closures"]), [[0.15, 0.25], [0.45, 0.95]])
+    np.testing.assert_allclose(unpacked_array(found["closures"]), [[0.15, 0.25], [0.45, 0.95]])
 
 
 def test_no_ground_truth_or_none_there_tells_no_overlap() -> None:
@@ -63,4 +63,4 @@ def test_no_ground_truth_or_none_there_tells_no_overlap() -> None:
     for truth in ({}, {"a": a}, {"a": later, "b": b}):
         (found,) = candidate_matrices([pairs], {"a": a, "b": b}, overlap=Overlap(truth, EvaluationSettings()))
         assert found["overlap"] is None
-        assert not unpacked(found["kept"]).any()
+        assert not unpacked_array(found["kept"]).any()

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
+from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.report.html.closures_data import (
     CLOUD_POINTS,
     closure_rows,
@@ -9,9 +11,9 @@ from wiclosure.pipeline.report.html.closures_data import (
     scans_of_closures,
     stages_with_reasons,
 )
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.scene_data import Placement
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Closure, KeyframeId, Stage, Trajectory
 
 
@@ -44,10 +46,9 @@ def test_every_rejected_closure_has_its_reason_at_its_stage(lost_run: RunResult)
 
 def test_true_and_false_where_there_is_a_measured_pose(lost_run: RunResult) -> None:
     truth = lost_run.config.evaluation
-    from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
-
     keyframes = {robot: front.keyframes for robot, front in lost_run.fronts.items()}
-    truth_check = truth.truth_check(keyframes, in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0))
+    oriented = in_lidar_axes(lost_run.merged, lost_run.inputs.ground_truth, 1.0).oriented
+    truth_check = TruthCheck.of(truth, keyframes, oriented)
     placement = Placement.of(lost_run.solution.graph.components, lost_run.merged)
     rows = closure_rows(lost_run.solution.closures, lost_run.solution.graph.trajectories, placement, truth_check)
     for row, closure in zip(rows, lost_run.solution.closures, strict=True):
@@ -71,7 +72,7 @@ def test_scans_of_accepted_and_rejected_closures(lost_run: RunResult) -> None:
     found = scans_of_closures(lost_run.solution.closures, clouds)
     names = {f"{k.robot}:{k.index}" for c in lost_run.solution.closures for k in (c.query, c.match)}
     assert set(found) == names
-    cloud = unpacked(next(iter(found.values())))
+    cloud = unpacked_array(next(iter(found.values())))
     original = clouds["alpha"][int(next(iter(found)).split(":")[1])]
     assert len(cloud) == len(original)
     np.testing.assert_allclose(np.sort(cloud, axis=0), np.sort(original, axis=0), atol=0.026)
@@ -81,7 +82,7 @@ def test_large_scans_are_thinned_and_what_is_no_number_left_out() -> None:
     cloud = np.random.default_rng(0).uniform(-5, 5, (10_000, 3)).astype(np.float32)
     cloud[::100] = np.nan
     found = scans_of_closures([rejected(0, Stage.MATCHING, "")], {"a": [cloud], "b": [cloud[:0]]})
-    points = unpacked(found["a:0"])
+    points = unpacked_array(found["a:0"])
     assert CLOUD_POINTS / 2 < len(points) <= CLOUD_POINTS
     assert np.isfinite(points).all()
-    assert unpacked(found["b:0"]).shape == (0, 3)
+    assert unpacked_array(found["b:0"]).shape == (0, 3)

@@ -8,22 +8,22 @@ import numpy as np
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.report.html import write_filter_report
 from wiclosure.pipeline.report.html.filter_data import filter_data
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.page import read_page
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def test_paths_lie_as_certain_alignments_say(lost_run: RunResult) -> None:
     own = {robot: front.keyframes for robot, front in lost_run.fronts.items()}
     data = filter_data(lost_run.solution.filtered, own, lost_run.inputs.wireless, Config())
-    alpha, beta, gamma = (unpacked(robot["merged"]) for robot in data["robots"])
+    alpha, beta, gamma = (unpacked_array(robot["merged"]) for robot in data["robots"])
     truth = lost_run.inputs.ground_truth
     apart = np.linalg.norm(truth["alpha"].positions - truth["beta"].positions, axis=1)
     np.testing.assert_allclose(np.linalg.norm(alpha - beta, axis=1), apart, atol=0.02)
     assert [robot["connected"] for robot in data["robots"]] == [True, True, False]
     assert gamma[:, 0].min() > max(alpha[:, 0].max(), beta[:, 0].max())
     certain, ambiguous = data["radio"]
-    np.testing.assert_allclose(unpacked(certain["estimate"]), unpacked(certain["range"]), atol=0.01)
+    np.testing.assert_allclose(unpacked_array(certain["estimate"]), unpacked_array(certain["range"]), atol=0.01)
     assert ambiguous["ends"] is None
 
 

@@ -9,7 +9,7 @@ import pytest
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.report.html import write_optimisation_report
 from wiclosure.pipeline.report.html.page import read_page
-from wiclosure.pipeline.stages.optimising import Merged, merge
+from wiclosure.pipeline.stages.optimising import MergedGraphs, merge_graphs
 
 FIRST = 100
 INFORMATION = "100 0 0 0 0 0 100 0 0 0 0 100 0 0 0 100 0 0 100 0 100"
@@ -28,17 +28,17 @@ def line(robot: str, y_m: float, poses: int = 12) -> list[str]:
 
 
 @pytest.fixture
-def merged(tmp_path: Path) -> Merged:
+def merged(tmp_path: Path) -> MergedGraphs:
     closures = [
         f"EDGE_SE3:QUAT {key('a', FIRST + n)} {key('b', FIRST + n)} 0 2 0 0 0 0 1 {INFORMATION}" for n in range(6)
     ]
     false = f"EDGE_SE3:QUAT {key('a', FIRST)} {key('b', FIRST + 11)} 0 0 9 0 0 0 1 {INFORMATION}"
     path = tmp_path / "graph.g2o"
     path.write_text("\n".join([*line("a", 0.0), *line("b", 0.0), *closures, false]) + "\n")
-    return merge([path], load_config())
+    return merge_graphs([path], load_config())
 
 
-def test_closures_have_the_files_indices_and_their_reasons(merged: Merged, tmp_path: Path) -> None:
+def test_closures_have_the_files_indices_and_their_reasons(merged: MergedGraphs, tmp_path: Path) -> None:
     write_optimisation_report(tmp_path, merged, load_config())
     report = read_page(tmp_path / "report.html")
     assert report["title"] == "a and b: merged graphs"
@@ -56,7 +56,7 @@ def test_closures_have_the_files_indices_and_their_reasons(merged: Merged, tmp_p
 def test_robots_that_nothing_joins(tmp_path: Path) -> None:
     path = tmp_path / "graph.g2o"
     path.write_text("\n".join([*line("a", 0.0), *line("b", 0.0)]) + "\n")
-    write_optimisation_report(tmp_path, merge([path], load_config()), load_config())
+    write_optimisation_report(tmp_path, merge_graphs([path], load_config()), load_config())
     (run,) = read_page(tmp_path / "report.html")["runs"]
     assert run["verdict"]["tone"] == "bad"
     assert "not all connected (a; b)" in run["verdict"]["sentence"]

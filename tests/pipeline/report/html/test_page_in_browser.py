@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from wiclosure.pipeline.report.html import Arm, write_comparison_report, write_run_report
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

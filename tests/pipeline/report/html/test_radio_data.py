@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.radio_data import MEASUREMENTS, Tracks, alternatives, radio_pair
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import AlignmentHypothesis, AoaPath, FrameAlignment, Trajectory, WirelessLog, WirelessMeasurement
 
 SECOND_NS = 10**9
@@ -38,12 +38,12 @@ def test_ranges_and_directions_of_the_estimate_from_antenna_to_antenna() -> None
     )
     tracks = Tracks(standing("a", 0.0), standing("b", 5.0, np.pi / 2), np.array([0.0, 0.0, 7.0]))
     found = radio_pair(alignment(), log, tracks, began_ns=SECOND_NS)
-    np.testing.assert_allclose(unpacked(found["times"]), [1.0, 2.0])
-    np.testing.assert_array_equal(unpacked(found["a_receives"]), [1, 0])
-    np.testing.assert_allclose(unpacked(found["estimate"]), [4.0, np.hypot(5, 2)], atol=1e-3)
+    np.testing.assert_allclose(unpacked_array(found["times"]), [1.0, 2.0])
+    np.testing.assert_array_equal(unpacked_array(found["a_receives"]), [1, 0])
+    np.testing.assert_allclose(unpacked_array(found["estimate"]), [4.0, np.hypot(5, 2)], atol=1e-3)
     # b looks along y and has a's antenna at (-5, 2): its own axes have that at (2, 5)
-    np.testing.assert_allclose(unpacked(found["direction"]), [0.0, np.degrees(np.arctan2(5, 2))], atol=0.01)
-    np.testing.assert_allclose(unpacked(found["ends"])[0], [1, 0, 7, 5, 0, 7], atol=0.01)
+    np.testing.assert_allclose(unpacked_array(found["direction"]), [0.0, np.degrees(np.arctan2(5, 2))], atol=0.01)
+    np.testing.assert_allclose(unpacked_array(found["ends"])[0], [1, 0, 7, 5, 0, 7], atol=0.01)
     assert found["measured"] == 2
 
 
@@ -51,11 +51,11 @@ def test_the_kept_path_comes_first_and_azimuths_are_within_half_a_turn() -> None
     paths = (AoaPath(0.1, 0.1, 0.9), AoaPath(1.5 * np.pi, 0.1, 0.1))
     log = WirelessLog(measurements=(measurement(2, paths=paths), measurement(3, paths=paths, aoa_frame="world")))
     found = radio_pair(alignment(((0, 1),)), log, Tracks(None, None, None), began_ns=0)
-    azimuth, kept = unpacked(found["azimuth"]), unpacked(found["azimuth_kept"])
+    azimuth, kept = unpacked_array(found["azimuth"]), unpacked_array(found["azimuth_kept"])
     np.testing.assert_allclose(azimuth[0], [-90.0, np.degrees(0.1)], atol=0.01)
     assert np.isnan(azimuth[1]).all()  # in other axes than the receiver's body
     np.testing.assert_array_equal(kept, [[1, 0], [0, 0]])
-    assert np.isnan(unpacked(found["estimate"])).all()
+    assert np.isnan(unpacked_array(found["estimate"])).all()
     assert found["ends"] is None
 
 
@@ -73,7 +73,7 @@ def test_odds_and_distance_of_alternatives() -> None:
 def test_many_measurements_are_thinned_and_ordered() -> None:
     log = WirelessLog(measurements=tuple(measurement(1 + (7 * n % 5001) / 1000) for n in range(5001)))
     found = radio_pair(alignment(), log, Tracks(None, None, None), began_ns=0)
-    times = unpacked(found["times"])
+    times = unpacked_array(found["times"])
     assert found["measured"] == 5001
     assert MEASUREMENTS / 2 < len(times) <= MEASUREMENTS
     assert (np.diff(times) > 0).all()

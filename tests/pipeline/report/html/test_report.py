@@ -10,7 +10,7 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.report.html import Arm, write_again, write_comparison_report, write_run_report
 from wiclosure.pipeline.report.html import report as module
 from wiclosure.pipeline.report.html.page import read_page
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult
 
 Runs = Callable[..., RunResult]
 SUMMARY = {"of": "comparison of none and wiclosure", "verdict": {"tone": "good", "sentence": "Well."}, "tables": []}

@@ -7,7 +7,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.pipeline.config import dump_config
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.run_data import run_data
 
 
@@ -42,5 +42,5 @@ def test_another_frame_of_the_truth_draws_the_same(run_of):
     robots = tuple(replace(robot, ground_truth=robot.ground_truth.moved(T)) for robot in run.inputs.robots)
     moved = run_data(replace(run, inputs=replace(run.inputs, robots=robots)))
     for found, expected in zip(moved["robots"], run_data(run)["robots"], strict=True):
-        np.testing.assert_allclose(unpacked(found["truth"]), unpacked(expected["truth"]), atol=0.02)
-        np.testing.assert_allclose(unpacked(found["truth"]), unpacked(found["merged"]), atol=0.02)
+        np.testing.assert_allclose(unpacked_array(found["truth"]), unpacked_array(expected["truth"]), atol=0.02)
+        np.testing.assert_allclose(unpacked_array(found["truth"]), unpacked_array(found["merged"]), atol=0.02)

@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.backends.merged_map import ROBOT_COLOURS, MergedMap
-from wiclosure.pipeline.report.html.packing import unpacked
+from wiclosure.backends.merged_map import MergedMap
+from wiclosure.colours import ROBOT_COLOURS
+from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, fewer_points, map_entry, robot_entry
 from wiclosure.types import Trajectory
 
@@ -31,13 +32,13 @@ def test_a_robot_keeps_both_ends_of_a_long_path() -> None:
     entry = robot_entry(
         3, 10, path=path, odometry=path, keyframes=line("a", 7), placement=Placement.of((("a",),), {"a": path})
     )
-    drawn = unpacked(entry["merged"])
+    drawn = unpacked_array(entry["merged"])
     assert len(drawn) == 1_500
     np.testing.assert_allclose(drawn[[0, -1], 0], [-19_999.5, 19_999.5], atol=0.01)
-    np.testing.assert_allclose(unpacked(entry["keyframe_times"]), np.arange(7))
+    np.testing.assert_allclose(unpacked_array(entry["keyframe_times"]), np.arange(7))
     assert entry["colour"] == "#{:02x}{:02x}{:02x}".format(*ROBOT_COLOURS[3])
     assert entry["truth"] is None
-    assert unpacked(entry["odometry"])[0, 1] < 0  # each robot's own frame, side by side
+    assert unpacked_array(entry["odometry"])[0, 1] < 0  # each robot's own frame, side by side
 
 
 def test_map_points_keep_their_robot() -> None:
@@ -46,13 +47,13 @@ def test_map_points_keep_their_robot() -> None:
     points = rng.uniform(0, 10, (3_000, 3)) + robot[:, None] * [100, 0, 0]
     entry = map_entry(MergedMap(points.astype(np.float32), ROBOT_COLOURS[robot]), 2, np.array([-50.0, 0.0, 0.0]))
     assert entry is not None
-    found = unpacked(entry["xyz"])
-    np.testing.assert_array_equal(found[:, 0] > 0, unpacked(entry["robot"]) == 1)
+    found = unpacked_array(entry["xyz"])
+    np.testing.assert_array_equal(found[:, 0] > 0, unpacked_array(entry["robot"]) == 1)
     np.testing.assert_allclose(np.sort(found[:, 0]), np.sort(points[:, 0] - 50), atol=0.011)
     fewer = fewer_points(entry, 100)
     assert fewer is not None
     assert (fewer["shown"], fewer["of"]) == (100, 3_000)
-    np.testing.assert_array_equal(unpacked(fewer["xyz"])[:, 0] > 0, unpacked(fewer["robot"]) == 1)
+    np.testing.assert_array_equal(unpacked_array(fewer["xyz"])[:, 0] > 0, unpacked_array(fewer["robot"]) == 1)
     assert fewer_points(entry, 3_000) is entry
 
 

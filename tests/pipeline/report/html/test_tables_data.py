@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from wiclosure.pipeline.report.html.tables_data import figure_tables, side_by_side
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.report.html.tables_data import arms_table, figure_tables
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def metrics_of(ate_m: float | None, closing_s: float, false: int, sent: int | None = 2_000_000) -> dict:
@@ -17,7 +17,7 @@ def metrics_of(ate_m: float | None, closing_s: float, false: int, sent: int | No
 
 
 def test_differences_from_the_first_arm_with_units() -> None:
-    found = side_by_side([("none", metrics_of(0.118, 25.0, 4)), ("wiclosure", metrics_of(0.12, 2.5, 0, None))])
+    found = arms_table([("none", metrics_of(0.118, 25.0, 4)), ("wiclosure", metrics_of(0.12, 2.5, 0, None))])
     rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
     assert found["header"] == ["", "none", "wiclosure"]
     assert rows["error against ground truth (ATE)"] == [("0.118 m", ""), ("0.120 m", "+0.002 m (+2 %)")]
@@ -28,7 +28,7 @@ def test_differences_from_the_first_arm_with_units() -> None:
 
 
 def test_an_arm_without_connected_robots_has_no_error() -> None:
-    found = side_by_side([("none", metrics_of(None, 1.0, 0)), ("wiclosure", metrics_of(0.5, 1.0, 1))])
+    found = arms_table([("none", metrics_of(None, 1.0, 0)), ("wiclosure", metrics_of(0.5, 1.0, 1))])
     rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
     assert rows["error against ground truth (ATE)"] == [("-", ""), ("0.500 m", "")]
     assert rows["false closures accepted"] == [("0", ""), ("1", "+1")]

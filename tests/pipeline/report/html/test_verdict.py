@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from wiclosure.pipeline.report.html.verdict import headline_numbers, verdict
-from wiclosure.pipeline.stages.run import RunResult
+from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
+from wiclosure.pipeline.stages.run_result import RunResult
 
 
 def metrics_of(groups: list[list[str]], accepted: int, *, false: int | None = 0, ate_m: float | None = None) -> dict:
@@ -46,7 +46,7 @@ def metrics_of(groups: list[list[str]], accepted: int, *, false: int | None = 0,
     ],
 )
 def test_a_run_in_one_sentence(metrics: dict, steps: list[str], tone: str, sentence: str) -> None:
-    found = verdict(metrics, steps)
+    found = run_verdict(metrics, steps)
     assert (found["tone"], found["sentence"]) == (tone, sentence)
     assert (found["next"], found["notes"]) == (steps, ["said so"])
 
@@ -57,6 +57,6 @@ def test_numbers_have_units_and_unknown_ones_are_left_out() -> None:
 
 
 def test_a_run_with_a_lost_robot(lost_run: RunResult) -> None:
-    found = verdict(lost_run.metrics, [])
+    found = run_verdict(lost_run.metrics, [])
     assert found["tone"] == "bad"
     assert found["sentence"].startswith("Not all robots are connected (alpha and beta; gamma): 8 closures accepted")

@@ -10,9 +10,8 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import typestore
+from wiclosure.pipeline.sources.messages.ros_types import DRACO_TYPE, typestore
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 

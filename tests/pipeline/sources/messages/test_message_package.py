@@ -6,7 +6,7 @@ import pytest
 
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.sources.messages.message_package import write_message_package
-from wiclosure.pipeline.sources.messages.wireless_messages import DEFINITIONS
+from wiclosure.pipeline.sources.messages.ros_types import DEFINITIONS
 
 
 @pytest.fixture

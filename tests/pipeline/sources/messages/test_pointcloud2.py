@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.pointcloud2 import FORMATS, POINT_CLOUD_TYPE, PointCloud2Decoder
+from wiclosure.pipeline.sources.messages.pointcloud2 import FORMATS, PointCloud2Decoder
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE
 from wiclosure.types import Scan
 
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}

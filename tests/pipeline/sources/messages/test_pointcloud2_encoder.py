@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE, PointCloud2Decoder
+from wiclosure.pipeline.sources.messages.pointcloud2 import PointCloud2Decoder
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, deserialize, serialize, typestore
 from wiclosure.types import Scan
 
 STAMP_NS = 1_700_000_000_123_456_789

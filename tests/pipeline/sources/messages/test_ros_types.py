@@ -4,10 +4,15 @@ import pytest
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys import get_types_from_msg
 
-from wiclosure.pipeline.sources.messages.draco import DRACO_TYPE
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, recorded_typestore, serialize, typestore
-from wiclosure.pipeline.sources.messages.wireless_messages import MEASUREMENT_TYPE
+from wiclosure.pipeline.sources.messages.ros_types import (
+    DRACO_TYPE,
+    MEASUREMENT_TYPE,
+    POINT_CLOUD_TYPE,
+    deserialize,
+    recorded_typestore,
+    serialize,
+    typestore,
+)
 
 ENCODINGS = ["ros1", "cdr"]
 

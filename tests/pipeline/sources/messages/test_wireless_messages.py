@@ -5,10 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.ros_types import deserialize, serialize, typestore
-from wiclosure.pipeline.sources.messages.wireless_messages import (
+from wiclosure.pipeline.sources.messages.ros_types import (
     HEADING_TYPE,
     MEASUREMENT_TYPE,
+    deserialize,
+    serialize,
+    typestore,
+)
+from wiclosure.pipeline.sources.messages.wireless_messages import (
     decode_heading,
     decode_measurement,
     encode_heading,

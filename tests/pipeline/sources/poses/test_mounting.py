@@ -11,9 +11,8 @@ from rosbags.rosbag1 import Writer
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.poses.mounting import lidar_mount
 from wiclosure.types import FloatArray, Scan

@@ -14,10 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.headers import Encoding
-from wiclosure.pipeline.sources.messages.pointcloud2 import POINT_CLOUD_TYPE
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
-from wiclosure.pipeline.sources.messages.ros_types import serialize, typestore
+from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.poses.frames import StaticTransforms

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.sources.salvage.found import Damage
-from wiclosure.pipeline.sources.salvage.mcap import MAGIC, scan_mcap
+from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, Damage
+from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
 
 from ..mcap_bytes import Topic, mcap_bytes, record  # noqa: TID252  -- test folders are no packages
 
@@ -68,4 +68,4 @@ def test_a_chunk_of_an_unknown_compression_costs_what_is_in_it(write) -> None:
 
 def test_another_file_holds_nothing(write) -> None:
     assert found(write(b"\x89MCAP1\r\n" + bytes(50))) == ([], ["the file does not start as an MCAP file"])
-    assert found(write(MAGIC)) == ([], ["the file was not closed by its recorder"])
+    assert found(write(MCAP_MAGIC)) == ([], ["the file was not closed by its recorder"])

@@ -7,8 +7,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag
-from wiclosure.pipeline.sources.salvage.found import Damage
-from wiclosure.pipeline.sources.salvage.ros1 import MAGIC, scan_ros1
+from wiclosure.pipeline.sources.salvage.found import ROS1_MAGIC, Damage
+from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
 
 
 def found(path: Path) -> tuple[list[int], list[str]]:
@@ -60,5 +60,5 @@ def test_a_chunk_that_does_not_decompress_costs_its_own_messages_only(tmp_path: 
 def test_another_file_holds_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
     assert found(tmp_path / "a.bag") == ([], ["the file does not start as a ROS 1 bag"])
-    (tmp_path / "a.bag").write_bytes(MAGIC)
+    (tmp_path / "a.bag").write_bytes(ROS1_MAGIC)
     assert found(tmp_path / "a.bag")[0] == []

@@ -16,7 +16,7 @@ def packed() -> bytes:
 
 
 def test_a_whole_frame(packed: bytes) -> None:
-    assert packed.startswith(zstd.MAGIC)
+    assert packed.startswith(zstd.ZSTD_MAGIC)
     assert zstd.decompress(packed) == zstd.decompress_partly(packed) == DATA
 
 
