@@ -9,9 +9,8 @@ from contextlib import ExitStack
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
-import yaml
-
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import read_yaml
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, ROS1_MAGIC
@@ -100,9 +99,9 @@ def is_listed(path: Path, files: Sequence[Path]) -> bool:
 def _listed(folder: Path) -> list[str]:
     """Names of the storage files by `metadata.yaml`; none where it cannot be read."""
     try:
-        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        content = read_yaml(folder / METADATA)
         return [PurePath(str(name)).name for name in content["rosbag2_bagfile_information"]["relative_file_paths"]]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+    except (InputError, KeyError, TypeError) as error:
         if (folder / METADATA).is_file():
             logger.warning("%s cannot be read (%s); the storage files are taken as they are", folder / METADATA, error)
         return []
