@@ -13,7 +13,8 @@ import numpy as np
 
 from wiclosure.backends import sigma_scale
 from wiclosure.backends.alignment import ClosureComparison
-from wiclosure.backends.candidate_sets import CandidateSet, settle_cycles
+from wiclosure.backends.candidate_sets import CandidateSet
+from wiclosure.backends.group_cycles import settle_cycles
 from wiclosure.backends.joining import joined_groups
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
     WIRELESS_HELP,
     AcceptCorrection,
@@ -28,6 +26,7 @@ from wiclosure.pipeline.cli.options import (
     grouped,
     with_accepted_correction,
 )
+from wiclosure.pipeline.cli.viewing import Viewing
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.config import Config
@@ -43,9 +42,7 @@ def run(
     configuration: Configuration,
     reading: RecordingOptions,
     working: Working,
-    visualise: Annotated[
-        bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")
-    ] = False,
+    viewing: Viewing,
 ) -> None:
     """Merge the recordings of several robots into one map.
 
@@ -65,14 +62,20 @@ def run(
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
-    if visualise:
-        require_screen()
+    viewing.require_possible(overwrite=result.overwrite)
     config = configuration.resolved(use_filter=filter_name)
-    with result_folder(result, data) as (folder, scratch):
+    with (
+        result_folder(result, data) as (folder, scratch),
+        viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+    ):
         inputs = reading.inputs(data)
         chosen = running.candidate_filter(config.use_filter, inputs, config)
-        prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        found = running.run_stages(prepared, chosen, progress=working.progress)
+        shown = working.progress
+        with viewers.of("run") as viewer:
+            prepared = running.prepare(
+                inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer
+            )
+            found = running.run_stages(prepared, chosen, progress=shown, viewer=viewer)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
         write_run_report(scratch, found)
@@ -81,8 +84,6 @@ def run(
     elif not working.quiet:
         Console().print(tables.run_table(found.metrics))
         Console().print(f"results in {folder}")
-    if visualise:
-        show_map(folder / "map.ply")
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,20 +204,3 @@ def dump_config_command(
 
     known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
-
-
-def require_screen() -> None:
-    """Fails where no window can be opened.
-
-    Raises:
-        ConfigError: there is no screen.
-    """
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ConfigError("there is no screen for --visualize; leave it out, and open the result's map.ply elsewhere")
-
-
-def show_map(path: Path) -> None:
-    """A window with the merged map."""
-    import open3d as o3d
-
-    o3d.visualization.draw_geometries([o3d.io.read_point_cloud(path)], window_name=str(path))

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.backends.merged_map import MergedMap
-from wiclosure.pipeline.report.pictures import INK, new_figure, robot_colour, save
+from wiclosure.colours import robot_colour
+from wiclosure.pipeline.report.pictures import INK, new_figure, save
 from wiclosure.types import FloatArray
 
 POINTS = 400_000

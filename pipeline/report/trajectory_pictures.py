@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.pipeline.report.pictures import FAINT, FALSE, INK, new_figure, robot_colour, save
+from wiclosure.colours import robot_colour
+from wiclosure.pipeline.report.pictures import FAINT, FALSE, INK, new_figure, save
 from wiclosure.types import FloatArray
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
-from wiclosure.wiclosure_filter.alignment.refinement import (
+from wiclosure.wiclosure_filter.consensus.proposals import Correspondences
+from wiclosure.wiclosure_filter.consensus.refinement import (
     SAME_PEAK_M,
     Peaks,
     Prior,

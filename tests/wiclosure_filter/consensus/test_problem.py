@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure.drift import DriftModel
-from wiclosure.wiclosure_filter.alignment.problem import PairOdometry, heading_knowledge, reciprocal_partners
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry, heading_knowledge, reciprocal_partners
 
 
 @pytest.mark.parametrize("kind", ["heading", "reciprocal", "one-way", "range-only"])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.refinement import Prior
 from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.heights import height_sigma_m
 from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations

@@ -6,8 +6,9 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.alignment import ClosureComparison
-from wiclosure.backends.candidate_sets import CandidateSet, settle_cycles
+from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.claims import Claims
+from wiclosure.backends.group_cycles import settle_cycles
 
 SIGMA = np.repeat([0.01, 0.1], 3)
 LIMIT = float(chi2.ppf(0.99, 6))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.wiclosure_filter.alignment.consensus import consensus
+from wiclosure.wiclosure_filter.consensus.consensus import consensus
 
 
 @pytest.mark.parametrize("kind", ["heading", "reciprocal", "one-way", "bearing-only"])

@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.refinement import (
+from wiclosure.wiclosure_filter.consensus.refinement import (
     Peaks,
     Prior,
     climb,

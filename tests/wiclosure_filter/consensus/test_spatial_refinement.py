@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks
-from wiclosure.wiclosure_filter.alignment.spatial_refinement import SpatialPeaks, refine_in_space
+from wiclosure.wiclosure_filter.consensus.refinement import Peaks
+from wiclosure.wiclosure_filter.consensus.spatial_refinement import SpatialPeaks, refine_in_space
 
 LEAN = np.array([0.25, -0.15, 0.0, 0.0, 0.0, 0.0])
 

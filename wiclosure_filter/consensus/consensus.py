@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment import proposals
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
-from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, climb, displacement_m, first_distinct
+from wiclosure.wiclosure_filter.consensus import proposals
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.consensus.proposals import Correspondences
+from wiclosure.wiclosure_filter.consensus.refinement import Peaks, Prior, climb, displacement_m, first_distinct
 from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 

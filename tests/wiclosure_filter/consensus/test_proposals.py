@@ -9,8 +9,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment import proposals
-from wiclosure.wiclosure_filter.alignment.proposals import Correspondences
+from wiclosure.wiclosure_filter.consensus import proposals
+from wiclosure.wiclosure_filter.consensus.proposals import Correspondences
 
 
 def nearest(states: FloatArray, state: FloatArray) -> float:

@@ -19,9 +19,9 @@ from scipy.stats import chi2
 from wiclosure import se3
 from wiclosure.max_clique import max_clique
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks, climb
+from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem, PairOdometry
+from wiclosure.wiclosure_filter.consensus.refinement import Peaks, climb
 from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
 

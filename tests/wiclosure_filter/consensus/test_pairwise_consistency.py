@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.wiclosure_filter.alignment.pairwise_consistency import consistency, full_links, pairwise_consistency
+from wiclosure.wiclosure_filter.consensus.pairwise_consistency import consistency, full_links, pairwise_consistency
 
 
 @pytest.mark.parametrize("kind", ["heading", "reciprocal"])
