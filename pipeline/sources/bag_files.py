@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import read_yaml
+from wiclosure.formats.unpacking import unpack_file
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
-from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, ROS1_MAGIC
 
 logger = logging.getLogger(__name__)
@@ -66,7 +66,7 @@ def plain_files(path: Path, stack: ExitStack) -> list[Path]:
         return files
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="wiclosure-bag-")))
     for file in packed:
-        zstd.decompress_file(file, folder / file.stem)
+        unpack_file(file, folder / file.stem)
     return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
 
 
