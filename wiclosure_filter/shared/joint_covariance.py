@@ -7,7 +7,6 @@ those plus an independent remainder.  Exact, and many times faster than invertin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -66,12 +65,8 @@ class JointCovariance:
         turn[:, :3, :3] = turn[:, 3:, 3:] = R
         return JointCovariance(turn @ self.own @ np.swapaxes(turn, 1, 2), turn @ self.factor)
 
-    def widened(self, pulls: Mapping[int, FloatArray]) -> JointCovariance:
-        """With what independent errors of one standard deviation add, by their pulls `(6, p)` at linked poses."""
-        if not pulls:
-            return self
-        of_errors = sum(self.factor[key].T @ pull for key, pull in pulls.items())
-        columns = self.factor @ of_errors
+    def widened(self, columns: FloatArray) -> JointCovariance:
+        """With what independent errors of one standard deviation add, that move the poses by `columns (K, 6, E)`."""
         own = self.own + columns @ np.swapaxes(columns, 1, 2)
         return JointCovariance(own, np.concatenate([self.factor, columns], axis=2))
 

@@ -22,11 +22,11 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.shared.joint_errors import JointErrors, PriorErrors
 from wiclosure.wiclosure_filter.shared.joint_factors import (
     add_first_guess,
     add_height,
@@ -158,7 +158,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
-    of_errors: Mapping[tuple[str, str], FloatArray] | None = None,
+    of_errors: Mapping[tuple[str, str], PriorErrors] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -168,7 +168,7 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
-        of_errors: `(7, 7)` covariance of the systematic errors of each pair's links, see `alignment.calibration`.
+        of_errors: what is known of the constant errors of each pair's links and odometry.
     """
     nodes, first, linked = team.nodes, team.first, team.linked
     initial = gtsam.Values()
@@ -194,11 +194,10 @@ def estimate(
         values, covariance = _solved(step_factors(scaled, first), others, values, linked)
         if scale < GROWN * before:
             break
-    for (a, b), known in (of_errors or {}).items():
-        keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
-        trajectory = nodes[b].trajectory
-        covariance = covariance.widened(pulls(team.links[a, b], known, keys, trajectory, values, robust_threshold))
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
+    if of_errors:
+        errors = JointErrors.of(team, of_errors, values, covariance, robust_threshold)
+        T_world_node, covariance = errors.moved(T_world_node), covariance.widened(errors.columns)
     return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
 
 
