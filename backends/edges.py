@@ -113,8 +113,9 @@ class System:
 
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
         """`J^T r` `(N, 6, ...)` for weighted residuals `(M, 6, ...)`."""
-        at_ends = (np.swapaxes(J, 1, 2) @ residuals.reshape(*J.shape[:2], -1) for J in jacobians)
-        return self.normal.gathered(*at_ends).reshape(self.size, *residuals.shape[1:])
+        columns = residuals if residuals.ndim == 3 else residuals[..., None]
+        at_first, at_second = (np.swapaxes(J, 1, 2) @ columns for J in jacobians)
+        return self.normal.gathered(at_first, at_second).reshape(self.size, *residuals.shape[1:])
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
         """Levenberg-Marquardt from the poses `(N, 4, 4)`.

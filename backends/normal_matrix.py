@@ -11,7 +11,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from wiclosure.types import FloatArray, IntArray
 
-DEGREES = 6  # of freedom of a pose
+DEGREES = 6
 HELD = 1e12  # information of a pose that is held
 LEAST_INFORMATION = 1e-9  # of any other: the matrix stays regular where nothing fixes the gauge
 
@@ -25,10 +25,9 @@ class Factorised:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """`(N, 6, ...)` for `(N, 6, ...)`."""
-        nodes, rest = len(self.position), right.shape[2:]
         ordered = np.empty_like(right)
         ordered[self.position] = right
-        solved = self.of.solve(ordered.reshape(DEGREES * nodes, -1)).reshape(nodes, DEGREES, *rest)
+        solved = self.of.solve(ordered.reshape(DEGREES * len(right), -1)).reshape(right.shape)
         return np.asarray(solved[self.position])
 
 
@@ -71,7 +70,8 @@ class NormalMatrix:
         """Of whitened derivatives `(M, 6, 6)` by both ends of the edges, weighted `(M,)`.
 
         Args:
-            A, B: derivatives by the first and the second end.
+            A: derivatives by the first end.
+            B: by the second.
             weights: of the edges.
             held: nodes that do not move.
             damping: share of the diagonal that is added to it.
@@ -94,7 +94,8 @@ class NormalMatrix:
     def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
         """Sums `(N, 6, ...)` at the nodes of what the edges `(M, 6, ...)` have at either end."""
         both = np.concatenate([at_first, at_second])
-        return np.asarray((self.incidence @ both.reshape(len(both), -1)).reshape(-1, *both.shape[1:]))
+        width = int(np.prod(both.shape[1:]))
+        return np.asarray((self.incidence @ both.reshape(len(both), width)).reshape(-1, *both.shape[1:]))
 
 
 def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntArray:

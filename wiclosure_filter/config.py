@@ -154,7 +154,14 @@ class SharedTrajectorySettings(Settings):
     most_links: int = Field(
         default=150,
         ge=1,
-        description="links in the joint estimate; of more, evenly many are taken, since its cost grows with their cube",
+        description="links in the joint estimate; of more, evenly many are taken, since neighbouring ones repeat each"
+        " other",
+    )
+    least_links: int = Field(
+        default=8,
+        ge=1,
+        description="links of each pair of robots in the joint estimate, at least, however many pairs there are: twice"
+        " the unknowns of their alignment",
     )
     gravity_sigma_rad: float = Field(
         default=0.05,

@@ -6,8 +6,9 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.alignment import ClosureComparison
-from wiclosure.backends.candidate_sets import CandidateSet, settle_cycles
+from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.claims import Claims
+from wiclosure.backends.group_cycles import settle_cycles
 
 SIGMA = np.repeat([0.01, 0.1], 3)
 LIMIT = float(chi2.ppf(0.99, 6))
@@ -95,5 +96,5 @@ def test_the_frame_is_where_the_second_group_lies_in_the_first(groups):
 def test_more_closures_and_more_places_weigh_more(groups):
     few, many = groups.candidate(0, 1, 2), groups.candidate(0, 1, 5)
     assert few.weight < many.weight
-    many.extent = 0.0
+    many.coverage = 0.3
     assert many.weight < groups.candidate(0, 1, 5).weight

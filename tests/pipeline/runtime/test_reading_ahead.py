@@ -11,7 +11,7 @@ from wiclosure.errors import InputError
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag
 from wiclosure.pipeline.data.open_inputs import open_inputs
-from wiclosure.pipeline.stages.reading_ahead import read_ahead
+from wiclosure.pipeline.runtime.reading_ahead import read_ahead
 from wiclosure.types import Scan
 
 

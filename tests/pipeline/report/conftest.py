@@ -15,7 +15,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.merged_map import ROBOT_COLOURS, MergedMap
+from wiclosure.backends.merged_map import MergedMap
+from wiclosure.colours import ROBOT_COLOURS
 from wiclosure.frontends.front_end_result import FrontEndCounts, FrontEndResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
