@@ -12,7 +12,7 @@ import pickle
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -21,7 +21,7 @@ from uuid import uuid4
 from wiclosure.errors import ConfigError, ProcessError
 from wiclosure.pipeline.runtime.processes import interrupts_ignored
 from wiclosure.pipeline.runtime.worker_versions import VersionsOf, versions
-from wiclosure.workers import at_work
+from wiclosure.workers import WorkCosts, at_work
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -60,24 +60,6 @@ class TlsFiles:
         return cls(*paths)
 
 
-@dataclass(slots=True)
-class ClusterCosts:
-    """What was done on a cluster.
-
-    Args:
-        workers: those that worked.
-        tasks: pieces of work that were done.
-        retries: those given to another worker, since theirs died.
-        bytes_sent, bytes_received: arguments out, results in.
-    """
-
-    workers: set[str] = field(default_factory=set)
-    tasks: int = 0
-    retries: int = 0
-    bytes_sent: int = 0
-    bytes_received: int = 0
-
-
 class Cluster:
     """The workers of a scheduler, as `wiclosure.workers.Workers`.
 
@@ -90,7 +72,7 @@ class Cluster:
 
     def __init__(self, client: Client, address: str) -> None:
         self._client, self._address = client, address
-        self.costs = ClusterCosts()
+        self.costs = WorkCosts()
 
     @property
     def count(self) -> int:
@@ -135,7 +117,7 @@ class Cluster:
         self, work: Callable[[_Item], _Result], number: int, item: _Item, topic: str, mailbox: SimpleQueue[Any]
     ) -> Future:
         packed = pickle.dumps((work, item), protocol=5)
-        self.costs.bytes_sent += len(packed)
+        self.costs.bytes_moved += len(packed)
         # Of tasks that are waiting the earlier ones come first.
         future = self._client.submit(_task, packed, topic, pure=False, priority=-number)
         future.add_done_callback(mailbox.put)
@@ -177,8 +159,7 @@ class Cluster:
             ) from None
         finally:
             future.release()
-        self.costs.tasks += 1
-        self.costs.bytes_received += len(packed)
+        self.costs.bytes_moved += len(packed)
         return pickle.loads(packed)
 
     def _lost(self) -> ProcessError:

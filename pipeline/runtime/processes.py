@@ -30,6 +30,7 @@ class Processes:
         count: how many.
     """
 
+    costs = None
     remote = False
 
     def __init__(self, count: int) -> None:

@@ -67,14 +67,14 @@ class Prepared:
         return self.grounding.fronts
 
 
-def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
+def candidate_filter(name: str, inputs: Inputs, config: Config, workers: Workers | None = None) -> CandidateFilter:
     """The filter of that name, with the settings of the run, and ground truth where every robot has it.
 
     Raises:
         ConfigError: no such filter, or the oracle without ground truth.
     """
     truth = inputs.ground_truth
-    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None)
+    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None, workers)
 
 
 def prepare(
@@ -158,7 +158,7 @@ def run_stages(
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
-    return {
+    costs: CostMetrics = {
         "seconds": _stages(
             prepared.fronts.values(), {"gravity": prepared.grounding.seconds} | solution.seconds, mapping_s
         ),
@@ -166,6 +166,13 @@ def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetr
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
+    if prepared.cluster is not None and (spent := prepared.cluster.costs) is not None:
+        costs["workers"] = {
+            "used": len(spent.workers),
+            "retries": spent.retries,
+            "bytes_moved": spent.bytes_moved,
+        }
+    return costs
 
 
 def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:

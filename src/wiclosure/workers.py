@@ -5,14 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
+@dataclass(slots=True)
+class WorkCosts:
+    """What work elsewhere took.
+
+    Args:
+        workers: those that worked.
+        retries: pieces of work given to another worker, since theirs died.
+        bytes_moved: arguments sent, and results received.
+    """
+
+    workers: set[str] = field(default_factory=set)
+    retries: int = 0
+    bytes_moved: int = 0
+
+
 class Workers(Protocol):
     """Runs a function over items: here, in processes, or on other machines; the results are the same."""
+
+    @property
+    def costs(self) -> WorkCosts | None:
+        """So far, where the work is done on other machines."""
+        ...
 
     @property
     def count(self) -> int:
@@ -49,6 +70,7 @@ class Workers(Protocol):
 class ThisProcess:
     """One item after the other, here."""
 
+    costs = None
     count = 1
     remote = False
 
