@@ -169,9 +169,7 @@ def test_init_never_overwrites_unasked(
     assert called(monkeypatch, "init", str(site), "--overwrite") == 0
     assert called(monkeypatch, "info", str(site)) == 0
     out = capsys.readouterr().out
-    uses = [
-        line.split("│")[-2].strip() for line in out.splitlines() if line.startswith("│")
-    ]  # the last column, wrapped
+    uses = [line.split("│")[-2].strip() for line in out.splitlines() if line.startswith("│")]
     assert "scans of alpha" in " ".join(uses)
 
 
