@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.plausible import plausible_path
 from wiclosure.formats.pose_columns import POSE, line_of_names, pose_order
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.types import FloatArray, IntArray, Trajectory
@@ -30,6 +31,7 @@ logger = logging.getLogger(__name__)
 COLUMNS = POSE
 _ROW = np.dtype([("stamp", "S48"), ("pose", np.float64, (7,))])
 _UNIT_TOLERANCE = 0.01  # quaternions printed with three decimals stay within this of length one
+_LONGEST_QUATERNION = 1e6  # whoever normalises none writes none so long
 
 
 def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
@@ -52,13 +54,20 @@ def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> T
     except ValueError:
         _explain(path, text)
     pose = rows["pose"][:, order]
-    norm = np.linalg.norm(pose[:, 3:], axis=1)
-    if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) < 0).any():
+    norm = np.linalg.norm(np.clip(pose[:, 3:], -_LONGEST_QUATERNION, _LONGEST_QUATERNION), axis=1)
+    if (
+        not np.isfinite(pose).all()
+        or (norm >= _LONGEST_QUATERNION).any()
+        or (norm < 1e-9).any()
+        or (np.diff(stamps_ns) < 0).any()
+    ):
         _explain(path, text)
     first = _first_of_each(path, rows["stamp"], stamps_ns)
     stamps_ns, pose, norm = stamps_ns[first], pose[first], norm[first]
     if (np.abs(norm - 1) > _UNIT_TOLERANCE).any():
         logger.warning("%s: quaternions are not of length one (worst %.3f); normalised", path, norm[_worst(norm)])
+    near = plausible_path(path, stamps_ns, pose[:, :3])
+    stamps_ns, pose = stamps_ns[near], pose[near]
     rotation = Rotation.from_quat(pose[:, 3:]).as_matrix()
     poses = se3.from_rotation_translation(rotation, pose[:, :3])
     return Trajectory(robot, stamps_ns, poses, drift or DriftModel())
@@ -161,6 +170,8 @@ def _check_line(place: str, words: list[str]) -> int:
     except ValueError as error:
         raise InputError(f"{place}: stamp {error}; expected seconds") from None
     numbers = np.array([_number(place, name, word) for name, word in islice(zip(COLUMNS, words, strict=True), 1, None)])
+    if not np.abs(numbers[3:]).max() < _LONGEST_QUATERNION:
+        raise InputError(f"{place}: the quaternion is {words[4:]}; expected qx qy qz qw of length one")
     if np.linalg.norm(numbers[3:]) < 1e-9:
         raise InputError(f"{place}: the quaternion is zero; expected qx qy qz qw of length one (no rotation: 0 0 0 1)")
     return stamp_ns
