@@ -108,7 +108,7 @@ def _axes(
     if found is None:
         return None, None, "its axes are not told, and the robot turns too little to find them; set imu_pose"
     if not found.observable:
-        worst = float(np.degrees(found.sigma_rad.max()))
+        worst = np.degrees(min(float(found.sigma_rad.max()), np.pi))
         return None, None, (
             f"its axes are not told, and this drive tells them to {worst:.0f} degrees only; set imu_pose"
         )  # fmt: skip

@@ -23,6 +23,7 @@ import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.radio_units import METRES
 from wiclosure.formats.structured_text import read_yaml
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.navigation.imu_units import ACCELERATION_UNITS, RATE_UNITS
@@ -130,6 +131,12 @@ def _settings(path: Path, what: str, value: object) -> dict[str, object]:
     return chosen
 
 
+def _unit(path: Path, what: str, value: object) -> str:
+    if value not in METRES:
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected {', '.join(METRES)}")
+    return str(value)
+
+
 def _layout(path: Path, what: str, value: object) -> str:
     layout = _text(path, what, value)
     try:
@@ -199,6 +206,9 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
         "text",
         f"what the records of `.bin` files hold: {', '.join(f'`{name}`' for name in LAYOUTS)}, or fields in their order"
         " as `x y z intensity time:u4` (float32 where no type is said); default `kitti`",
+    ),
+    "scan_unit": RobotKey(
+        _unit, "unit", "of the coordinates in the clouds: m, mm, cm, dm, km, ft or in; default m, which is looked at"
     ),
     "ground_truth": RobotKey(
         _beside,

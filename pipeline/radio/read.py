@@ -151,7 +151,8 @@ def _topics(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) 
     source = with_message_preset(path, source, salvage=salvage)
     rows = topic_rows(path, source, salvage=salvage)
     log, account = _interpreted(rows, source, known)
-    return RadioReading(log, account, "topics", tuple(unused_radio(path, [str(source.topic)], salvage=salvage)))
+    read = [str(source.topic), f"/{source.topic}"]
+    return RadioReading(log, account, "topics", tuple(unused_radio(path, read, salvage=salvage)))
 
 
 def _factor_graph(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:

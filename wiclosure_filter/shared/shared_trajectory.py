@@ -10,11 +10,11 @@ import numpy as np
 
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, RadioLinks, Trajectory, robot_pairs
 from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.shared.calibrated_links import errors_of, without_errors
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks

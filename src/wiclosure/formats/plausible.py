@@ -16,6 +16,8 @@ LATEST_NS = 7_258_118_400 * 10**9
 """The year 2200.  Recordings are dated, or count from a zero of their own (simulators, clocks since power-on)."""
 FURTHEST_M = 1e7
 """Of a position: from the origin of a map, or of UTM coordinates, or from the centre of the Earth."""
+LONGEST_QUATERNION = 1e6
+"""Whoever normalises none writes none so long."""
 FEW = 0.05
 """Share of values that may be damaged and are left out; more, and all of them are in doubt."""
 _NOT_A_ROTATION = 0.01  # rotations printed with three digits stay within this of orthonormal
