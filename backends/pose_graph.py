@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import (
     Keys,
     anchor,
@@ -31,7 +32,7 @@ from wiclosure.backends.start import better_start
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
-from wiclosure.types import BoolArray, Closure, FloatArray, RadioLinks, Residual, Stage, Trajectory
+from wiclosure.types import BoolArray, Closure, EarthMeasurements, FloatArray, RadioLinks, Residual, Stage, Trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +47,7 @@ class _Estimate:
     poses: dict[str, FloatArray]
     diagnosis: tuple[str, ...] = ()
     solved: tuple[gtsam.NonlinearFactorGraph, gtsam.Values] | None = None
+    ground: Ground = field(default_factory=Ground)
 
 
 def optimise(
@@ -53,6 +55,7 @@ def optimise(
     closures: Sequence[Closure],
     settings: PoseGraphSettings | None = None,
     radio: Sequence[RadioLinks] = (),
+    earth: EarthMeasurements | None = None,
 ) -> GraphResult:
     """Merges the robots' keyframe trajectories over their live closures.
 
@@ -62,6 +65,8 @@ def optimise(
         closures: between robots or within one; those not measured yet, or rejected, pass through unchanged.
         settings: defaults where None.
         radio: measurements between robots; used where `settings.radio` says so.
+        earth: which way is up at keyframes, and where they are; the z axes of the odometry frames of robots that know
+            up must point there already.
 
     Returns:
         Trajectories, frames, and every closure accepted or rejected with a reason. Robots that nothing connects stay in
@@ -77,25 +82,26 @@ def optimise(
     trajectories = _anchored(trajectories, settings.anchor)
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
     radio = radio if settings.radio else ()
-    found = _estimate(trajectories, sets, radio, settings)
-    kept = [closure_set.subset(np.flatnonzero(mask)) for closure_set, mask in zip(sets, found.inliers, strict=True)]
+    found = _estimate(trajectories, sets, radio, settings, earth or EarthMeasurements())
+    kept = _kept(sets, found.inliers)
     decisions = {row: Decision(False, reason) for row, reason in unusable.items()}
     for closure_set, mask in zip(sets, found.inliers, strict=True):
         decisions |= _decisions(closure_set, mask, found.poses, closures)
     groups = components(list(trajectories), kept, radio)
     graph, values = found.solved or (
-        _final_graph(trajectories, kept, radio, groups, found.poses),
+        _final_graph(trajectories, kept, radio, groups, found.poses, found.ground),
         _values(found.poses),
     )
     result = GraphResult(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
-        components=groups,
+        components=found.ground.joined(groups),
         closures=tuple(decided(closures, Stage.ESTIMATE, decisions)),
-        diagnosis=found.diagnosis + _connection_report(groups, kept, sets),
+        diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), kept, sets),
         graph=graph,
         values=values,
         sigma_scale=settings.sigma_scale,
+        ground=found.ground,
     )
     return replace(result, closures=_with_residuals(result))
 
@@ -124,15 +130,18 @@ def _estimate(
     sets: Sequence[ClosureSet],
     radio: Sequence[RadioLinks],
     settings: PoseGraphSettings,
+    earth: EarthMeasurements,
 ) -> _Estimate:
     """By the chosen optimiser; where that fails numerically, only the rigid start, and a sentence that says so."""
     frames = initial_frames(trajectories, sets, radio)
     rigid = {r: frames[r] @ t.poses for r, t in trajectories.items()}
     try:
         if settings.optimiser == "joint":
-            return _joint(trajectories, sets, radio, rigid, settings)
-        masks, frames = placed_in_two_stages(trajectories, sets, settings)
-        return _Estimate(masks, {r: frames[r] @ t.poses for r, t in trajectories.items()})
+            return _joint(trajectories, sets, radio, rigid, settings, earth)
+        masks, frames = placed_in_two_stages(trajectories, sets, settings, earth)
+        groups = components(list(trajectories), _kept(sets, masks), radio)
+        ground, poses = Ground.under(groups, {r: frames[r] @ t.poses for r, t in trajectories.items()}, earth)
+        return _Estimate(masks, poses, ground.diagnosis, ground=ground)
     except RuntimeError as error:  # GTSAM's own, thrown for indeterminate systems
         logger.debug("the estimate failed", exc_info=True)
         first_line = str(error).strip().partition("\n")[0]
@@ -146,15 +155,20 @@ def _joint(
     radio: Sequence[RadioLinks],
     rigid: Mapping[str, FloatArray],
     settings: PoseGraphSettings,
+    earth: EarthMeasurements,
 ) -> _Estimate:
     """First decide on the closures, then solve for all keyframes with the inliers."""
     masks, poses = _decide(trajectories, sets, radio, rigid, settings)
-    kept = [closure_set.subset(np.flatnonzero(m)) for closure_set, m in zip(sets, masks, strict=True)]
+    kept = _kept(sets, masks)
     groups = components(list(trajectories), kept, radio)
-    start = _reset_unconnected(trajectories, groups, poses)
-    graph = _final_graph(trajectories, kept, radio, groups, start)
+    ground, start = Ground.under(groups, _reset_unconnected(trajectories, groups, poses), earth)
+    graph = _final_graph(trajectories, kept, radio, groups, start, ground)
     values = least_squares(graph, _values(start))
-    return _Estimate(masks, _poses(values, trajectories), solved=(graph, values))
+    return _Estimate(masks, _poses(values, trajectories), ground.diagnosis, (graph, values), ground)
+
+
+def _kept(sets: Sequence[ClosureSet], masks: Sequence[BoolArray]) -> list[ClosureSet]:
+    return [closure_set.subset(np.flatnonzero(mask)) for closure_set, mask in zip(sets, masks, strict=True)]
 
 
 def _decide(
@@ -228,11 +242,12 @@ def _final_graph(
     radio: Sequence[RadioLinks],
     groups: Sequence[Sequence[str]],
     poses: Mapping[str, FloatArray],
+    ground: Ground,
 ) -> gtsam.NonlinearFactorGraph:
-    """Odometry, accepted closures, radio, and the first pose of each component held."""
+    """Odometry, accepted closures, radio, what is known of the Earth, and the first pose of each component held."""
     keys = Keys(tuple(trajectories))
-    anchors = [anchor(keys(group[0], 0), gtsam.Pose3(poses[group[0]][0])) for group in groups]
-    measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys)]
+    anchors = [ground.anchor(group, keys(group[0], 0), poses[group[0]][0]) for group in groups]
+    measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys), *ground.factors(keys)]
     return with_factors(odometry_factors(trajectories, [*kept, *radio], keys), [*measured, *anchors])
 
 

@@ -6,6 +6,7 @@ Kaess et al., "iSAM2: Incremental smoothing and mapping using the Bayes tree", I
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import gtsam
 import networkx as nx
@@ -13,11 +14,12 @@ import numpy as np
 
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
-from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
+from wiclosure.backends.earth_factors import Ground
+from wiclosure.backends.factors import Keys, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.incremental import IncrementalConsistency
 from wiclosure.backends.pose_graph import optimise
-from wiclosure.types import Closure, FloatArray, Stage, Trajectory
+from wiclosure.types import Closure, EarthMeasurements, FloatArray, Stage, Trajectory
 
 
 class StreamingBackEnd:
@@ -29,6 +31,7 @@ class StreamingBackEnd:
         trajectories: keyframe odometry of all robots so far, one keyframe each at least.
         pcm: settings of the consistency check; defaults where None.
         settings: settings of the estimate; likewise.
+        earth: which way is up, and where, so far.
     """
 
     def __init__(
@@ -36,10 +39,12 @@ class StreamingBackEnd:
         trajectories: Mapping[str, Trajectory],
         pcm: PcmSettings | None = None,
         settings: PoseGraphSettings | None = None,
+        earth: EarthMeasurements | None = None,
     ) -> None:
         self._odometry = dict(trajectories)
         self._keys = Keys(tuple(trajectories))
         self._settings = settings or PoseGraphSettings()
+        self._earth, self._ground = earth or EarthMeasurements(), Ground()
         self._consistency = IncrementalConsistency(pcm or PcmSettings())
         self._closures: list[Closure] = []
         self._slots: dict[int, int] = {}  # row of each closure in the estimate: its place among iSAM2's factors
@@ -54,13 +59,18 @@ class StreamingBackEnd:
 
     def result(self) -> GraphResult:
         """The batch estimate over all closures so far, every decision taken anew."""
-        return optimise(self._odometry, self._consistency.result().closures, self._settings)
+        return self._batch()
 
-    def extend(self, trajectories: Mapping[str, Trajectory]) -> None:
+    def _batch(self) -> GraphResult:
+        closures = self._consistency.result().closures
+        return optimise(self._odometry, closures, self._settings, earth=self._earth)
+
+    def extend(self, trajectories: Mapping[str, Trajectory], earth: EarthMeasurements | None = None) -> None:
         """Takes new keyframes in.
 
         Args:
             trajectories: keyframe odometry of all robots, the keyframes known so far first.
+            earth: all that is known of the Earth by now, what was known before first.
         """
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for robot, trajectory in trajectories.items():
@@ -74,6 +84,10 @@ class StreamingBackEnd:
             for index, pose in zip(nodes[robot][1:], last @ steps, strict=True):
                 values.insert(self._keys(robot, index), gtsam.Pose3(pose))
         self._odometry = dict(trajectories)
+        if earth is not None:
+            before, self._earth, self._ground = self._ground, earth, replace(self._ground, earth=earth)
+            new = self._ground.since(before).factors(self._keys)
+            graph.push_back(with_factors(gtsam.NonlinearFactorGraph(), new))
         self._isam.update(graph, values)
 
     def add(self, closures: Sequence[Closure]) -> None:
@@ -115,14 +129,16 @@ class StreamingBackEnd:
 
     def _restart(self) -> None:
         """From the batch estimate: robots that come together move too far for the old linearisation."""
-        estimate = optimise(self._odometry, self._consistency.result().closures, self._settings)
+        estimate = self._batch()
+        self._ground = estimate.ground
         inliers = self._consistency.inlier_rows
         accepted = sorted(row for row in inliers if estimate.closures[row].survived(Stage.ESTIMATE))
         anchors = [
-            anchor(self._keys(group[0], 0), gtsam.Pose3(estimate.trajectories[group[0]].poses[0]))
+            self._ground.anchor(group, self._keys(group[0], 0), estimate.trajectories[group[0]].poses[0])
             for group in estimate.components
         ]
-        known = with_factors(odometry_factors(self._odometry, [], self._keys), anchors)
+        of_earth = self._ground.factors(self._keys)
+        known = with_factors(odometry_factors(self._odometry, [], self._keys), [*anchors, *of_earth])
         graph = with_factors(known, [self._factor(row) for row in accepted])
         self._isam = gtsam.ISAM2(gtsam.ISAM2Params())
         self._isam.update(graph, estimate.values)

@@ -14,17 +14,21 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.backends.earth_factors import upright
 from wiclosure.backends.factors import anchor, inliers_among, least_squares, prior
 from wiclosure.backends.frames import components, frame_estimates, frame_transform, initial_frames
-from wiclosure.types import BoolArray, FloatArray, Trajectory
+from wiclosure.types import BoolArray, EarthMeasurements, FloatArray, Trajectory
 
 EQUAL_WEIGHT = np.ones(6)  # every pair of robots counts the same between them, as in DiSCo-SLAM
 
 
 def placed_in_two_stages(
-    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], settings: PoseGraphSettings
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    settings: PoseGraphSettings,
+    earth: EarthMeasurements,
 ) -> tuple[list[BoolArray], dict[str, FloatArray]]:
-    """Inliers (one mask a set) and `T_world_odom` by robot.
+    """Inliers (one mask a set) and `T_world_odom` by robot; frames of robots that know up stay upright.
 
     Closures within one robot do not take part: they are kept and change nothing.
     """
@@ -41,7 +45,7 @@ def placed_in_two_stages(
         if closure_set.between_robots and mask.any():
             kept.append(closure_set.subset(np.flatnonzero(mask)))
             transforms.append(T_a_b)
-    return masks, _robots(trajectories, kept, transforms)
+    return masks, _robots(trajectories, kept, transforms, earth)
 
 
 def _pair(
@@ -62,7 +66,10 @@ def _pair(
 
 
 def _robots(
-    trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], transforms: Sequence[FloatArray]
+    trajectories: Mapping[str, Trajectory],
+    sets: Sequence[ClosureSet],
+    transforms: Sequence[FloatArray],
+    earth: EarthMeasurements,
 ) -> dict[str, FloatArray]:
     """Second stage: all odometry frames from the pairs' transforms."""
     robots = list(trajectories)
@@ -76,5 +83,7 @@ def _robots(
     for closure_set, T_a_b in zip(sets, transforms, strict=True):
         a, b = robots.index(closure_set.robot_a), robots.index(closure_set.robot_b)
         graph.add(gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(T_a_b), weight))
+    for robot, up in earth.up.items():
+        graph.add(upright(robots.index(robot), up))
     solved = least_squares(graph, values)
     return {robot: np.asarray(solved.atPose3(n).matrix()) for n, robot in enumerate(robots)}

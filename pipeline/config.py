@@ -64,12 +64,20 @@ class MutualCheckSettings(Settings):
     )
 
 
+class EarthSettings(Settings):
+    """What robots measure of the Earth: which way is up, and where on it they are."""
+
+    gravity: bool = Field(True, description="false: inertial measurements are not used")
+    gnss: bool = Field(True, description="false: positions of satellite receivers are not used")
+
+
 class Config(Settings):
     """Everything that can be set about a run."""
 
     odometry: OdometrySettings = OdometrySettings()
     keyframes: KeyframeSettings = KeyframeSettings()
     drift: DriftModel = DriftModel()
+    earth: EarthSettings = EarthSettings()
     scan_context: ScanContextSettings = ScanContextSettings()
     use_filter: str = Field("wiclosure", description="candidate filter: wiclosure, none, range-gate, oracle, random")
     filter: FilterSettings = FilterSettings()

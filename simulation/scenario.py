@@ -9,12 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure.errors import ConfigError
+from wiclosure.simulation.gnss import GnssSettings, simulate_gnss
+from wiclosure.simulation.imu import ImuSettings, simulate_imu
 from wiclosure.simulation.lidar import Individual, LidarModel, sweep
 from wiclosure.simulation.motion import START_NS, Motion
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless
 from wiclosure.simulation.scene import Scene
-from wiclosure.types import FloatArray, IntArray, Scan, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, GnssLog, ImuLog, IntArray, Scan, Trajectory, WirelessLog
 
 _BODY_RADIUS_M = 0.3
 
@@ -66,6 +68,8 @@ class Scenario:
         lidar: that all robots carry.
         radio: how it behaves.
         seed: of all noise.
+        imu: that all robots carry, or None.
+        gnss: likewise.
 
     Raises:
         ConfigError: no robot, or a robot that drives through something.
@@ -77,6 +81,8 @@ class Scenario:
     lidar: LidarModel
     radio: RadioSettings
     seed: int = 0
+    imu: ImuSettings | None = None
+    gnss: GnssSettings | None = None
 
     def __post_init__(self) -> None:
         if not self.robots:
@@ -106,6 +112,18 @@ class Scenario:
         """All measurements between the robots, simulated in the scene."""
         truth = {robot: self.ground_truth(robot) for robot in self.robots}
         return simulate_wireless(truth, self.scene, self.radio, self.seed)
+
+    def imu_log(self, robot: str) -> ImuLog | None:
+        """What its IMU recorded, or None where robots have none."""
+        motion = lookup("robot", robot, self.robots)
+        rng = np.random.default_rng([self.seed, list(self.robots).index(robot), 2])
+        return None if self.imu is None else simulate_imu(motion, self.imu, rng)
+
+    def gnss_log(self, robot: str) -> GnssLog | None:
+        """What its receiver gave, or None where robots have none."""
+        motion = lookup("robot", robot, self.robots)
+        rng = np.random.default_rng([self.seed, list(self.robots).index(robot), 3])
+        return None if self.gnss is None else simulate_gnss(motion, self.gnss, rng)
 
 
 def _refuse_collision(robot: str, motion: Motion, scene: Scene) -> None:

@@ -12,6 +12,8 @@ from pydantic import Field
 from wiclosure.errors import ConfigError
 from wiclosure.settings import Settings
 from wiclosure.simulation import campus, city, demo_site, kitti_streets, shell_space, static_mirror
+from wiclosure.simulation.gnss import GnssSettings
+from wiclosure.simulation.imu import ImuSettings
 from wiclosure.simulation.lidar import LidarModel, lidar_model
 from wiclosure.simulation.motion import Motion
 from wiclosure.simulation.names import lookup
@@ -34,6 +36,8 @@ class ScenarioSettings(Settings):
     poses: Path | None = Field(None, description="KITTI poses file to build streets along (kitti08)")
     schedule: Path | None = Field(None, description="CSV file of the times when robots can talk (read_schedule)")
     radio: RadioSettings = Field(RadioSettings(), description="what is set here replaces the scenario's own value")
+    imu: ImuSettings | None = Field(None, description="an IMU on every robot, where any of it is set")
+    gnss: GnssSettings | None = Field(None, description="a satellite receiver on every robot, where any of it is set")
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,7 @@ def make_scenario(name: str, settings: ScenarioSettings | None = None) -> Scenar
             settings.poses,
         )
     )
+    scenario = replace(scenario, imu=settings.imu, gnss=settings.gnss)
     for robot in {end for window in scenario.radio.schedule or () for end in (window.robot_a, window.robot_b) if end}:
         lookup("robot", robot, scenario.robots)
     return scenario

@@ -24,8 +24,9 @@ from wiclosure.types import (
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
 from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
@@ -33,7 +34,6 @@ from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_ove
 from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
 from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
 from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
 
 RobotPair: TypeAlias = tuple[str, str]
@@ -71,8 +71,9 @@ class WiClosureFilter:
         # 3. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = self.share(trajectories, links, list(alignments.values()))
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
+        near = shared.may_meet(make_gate(self.settings.gate))
         pairs = tuple(
-            self._kept(*pair, shared.estimates[pair])
+            self._kept(*pair, shared.estimates[pair], may_meet=pair in near)
             if pair in shared.estimates
             else self._unjoined(pair, trajectories, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
@@ -138,7 +139,8 @@ class WiClosureFilter:
             alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
         mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
         for pair, alignment in list(alignments.items()):
-            if mixed_up is None and not alignment.suspected_fault:
+            strained = alignment.strain_probability < STRAINED
+            if mixed_up is None and not alignment.suspected_fault and not strained:
                 continue
             fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
             alignments[pair] = with_fault(alignment, fault)
@@ -161,10 +163,11 @@ class WiClosureFilter:
     def _frame_prior(self) -> FramePrior:
         return FramePrior.of(self.settings.alignment, self.settings.shared_trajectory.gravity_sigma_rad)
 
-    def _kept(self, robot_a: str, robot_b: str, estimate: SharedEstimate) -> CandidatePairs:
+    def _kept(self, robot_a: str, robot_b: str, estimate: SharedEstimate, *, may_meet: bool = True) -> CandidatePairs:
         """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
         gate = make_gate(self.settings.gate)
-        parts = [find_overlap(model, gate) for model in estimate.models(robot_a, robot_b)]
+        models = estimate.models(robot_a, robot_b, gate) if may_meet else ()
+        parts = [find_overlap(model, gate) for model in models]
         kept = KeptPairs.united(parts).best(self.settings.gate.budget)
         return CandidatePairs(
             robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate

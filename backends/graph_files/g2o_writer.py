@@ -11,10 +11,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.backends.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
 from wiclosure.backends.factors import Keys
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.errors import OutputError
 from wiclosure.types import Closure, FloatArray, measured_poses
+
+_WRITTEN = gtsam.BetweenFactorPose3, gtsam.PriorFactorPose3, gtsam.AttitudeFactorPose3, gtsam.GPSFactorArm
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +87,12 @@ def write_g2o(
         poses = zip(numbers[robot].tolist(), form.poses(trajectory.poses), strict=True)
         lines += [f"{form.vertex} {number} {pose}" for number, pose in poses]
     lines += [f"FIX {numbers[component[0]][0]}" for component in result.components]
-    lines += [*_without_edges(result), *_accepted(result, numbers, form), *_rejected(result, numbers, form)]
+    lines += [
+        *_without_edges(result),
+        *_earth(result, numbers),
+        *_accepted(result, numbers, form),
+        *_rejected(result, numbers, form),
+    ]
     try:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
@@ -103,9 +111,28 @@ def _spans(robot: str, numbers: np.ndarray) -> str:
 def _without_edges(result: GraphResult) -> Iterator[str]:
     """A comment on factors that the file cannot hold."""
     factors = map(result.graph.at, range(result.graph.size()))
-    count = sum(not isinstance(f, gtsam.BetweenFactorPose3 | gtsam.PriorFactorPose3) for f in factors)
+    count = sum(not isinstance(f, _WRITTEN) for f in factors)
     if count:
         yield f"# {count} ranges and bearings, and what gravity tells, are not in this file: g2o has no edges for them"
+
+
+def _earth(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Comments for what g2o has no edges for: vertex, direction up in its axes or position, sigma, and its weight."""
+    if not result.ground.earth:
+        return
+    yield "# UP vertex x y z sigma_rad, GNSS vertex east north up sigmas_m: then the weight in the estimate"
+    for robot, up in result.ground.earth.up.items():
+        weight = weights_of_up(up, result.trajectories[robot].poses)
+        yield from _comments("UP", numbers[robot][up.index], [up.up_body, up.sigma_rad[:, None]], weight)
+    for robot, fixes in result.ground.earth.fixes.items():
+        weight = weights_of_fixes(fixes, result.trajectories[robot].poses)
+        weight = weight if robot in result.ground.placed else np.zeros(len(fixes))
+        yield from _comments("GNSS", numbers[robot][fixes.index], [fixes.position_enu, fixes.sigma_enu], weight)
+
+
+def _comments(tag: str, vertices: np.ndarray, columns: list[FloatArray], weight: FloatArray) -> Iterator[str]:
+    for vertex, row, w in zip(vertices.tolist(), np.hstack(columns).tolist(), weight.tolist(), strict=True):
+        yield f"# {tag} {vertex} {' '.join(map(repr, row))}: {'outvoted' if w < OUTVOTED else 'used'}, weight {w:.2f}"
 
 
 def _accepted(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form) -> Iterator[str]:

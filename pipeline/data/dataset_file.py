@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,10 @@ import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.yaml_text import PlainLoader
+from wiclosure.formats.radio_units import METRES
+from wiclosure.formats.structured_text import read_yaml
 from wiclosure.frontends.config import OdometrySettings
+from wiclosure.pipeline.data.navigation.imu_units import ACCELERATION_UNITS, RATE_UNITS
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.words import sources_of_entries
@@ -42,7 +44,7 @@ def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Radi
     Raises:
         InputError: the file cannot be read, is not as described above, or names files that do not exist.
     """
-    content = _mapping(path, "the file", _load(path), known=("robots", "wireless"))
+    content = _mapping(path, "the file", read_yaml(path), known=("robots", "wireless"))
     if "robots" not in content:
         raise InputError(f'{path} has no "robots"; name them as robots: {{alpha: {{scans: alpha.bag}}}}')
     robots = {
@@ -75,39 +77,6 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
-class _Loader(PlainLoader):
-    """Safe, and refuses a key that stands twice: YAML would let the last one win."""
-
-
-def _unique_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Hashable, Any]:
-    seen: set[Hashable] = set()
-    for key_node, _ in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if not isinstance(key, Hashable):
-            raise yaml.constructor.ConstructorError(None, None, "a key is a list or mapping", key_node.start_mark)
-        if key in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"{key!r} stands twice; give every robot its own name", key_node.start_mark
-            )
-        seen.add(key)
-    return loader.construct_mapping(node, deep=True)
-
-
-_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _unique_mapping)
-
-
-def _load(path: Path) -> object:
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise InputError(f"cannot read the data set {path}: {error.strerror}; check the path") from error
-    except yaml.MarkedYAMLError as error:
-        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{path}{line}: {error.problem or 'not valid YAML'}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid YAML text: {' '.join(str(error).split())}") from error
-
-
 def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     where = f"robot {robot}"
     keys = _mapping(path, where, entry, known=tuple(ROBOT_KEYS))
@@ -162,6 +131,12 @@ def _settings(path: Path, what: str, value: object) -> dict[str, object]:
     return chosen
 
 
+def _unit(path: Path, what: str, value: object) -> str:
+    if value not in METRES:
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected {', '.join(METRES)}")
+    return str(value)
+
+
 def _layout(path: Path, what: str, value: object) -> str:
     layout = _text(path, what, value)
     try:
@@ -190,6 +165,24 @@ def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
     return tuple(float(n) for n in numbers)
 
 
+def _position(path: Path, what: str, value: object) -> tuple[float, ...]:
+    numbers = value if isinstance(value, list) else []
+    good = [isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers]
+    if len(numbers) != 3 or not all(good):
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected three numbers [x, y, z]")
+    return tuple(float(n) for n in numbers)
+
+
+def _imu_units(path: Path, what: str, value: object) -> tuple[str, ...]:
+    words = [str(word) for word in value] if isinstance(value, list) else []
+    if len(words) != 2 or words[0] not in ACCELERATION_UNITS or words[1] not in RATE_UNITS:
+        raise InputError(
+            f"{path}: {what} is {_shown(value)}; expected one of {', '.join(ACCELERATION_UNITS)} and one of"
+            f" {', '.join(RATE_UNITS)}, as [g, deg/s]"
+        )
+    return tuple(words)
+
+
 @dataclass(frozen=True, slots=True)
 class RobotKey:
     """One key of a robot's entry.
@@ -213,6 +206,9 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
         "text",
         f"what the records of `.bin` files hold: {', '.join(f'`{name}`' for name in LAYOUTS)}, or fields in their order"
         " as `x y z intensity time:u4` (float32 where no type is said); default `kitti`",
+    ),
+    "scan_unit": RobotKey(
+        _unit, "unit", "of the coordinates in the clouds: m, mm, cm, dm, km, ft or in; default m, which is looked at"
     ),
     "ground_truth": RobotKey(
         _beside,
@@ -251,6 +247,40 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
         _settings,
         "setting: value",
         "settings of `odometry` for this robot alone, as `{max_range_m: 40}`; they go before the configuration's",
+    ),
+    "imu": RobotKey(
+        _existing,
+        "path",
+        "its inertial measurements: a bag, a table (stamp, acceleration x y z, turning rate x y z; or named, as"
+        " EuRoC's) or KITTI's `oxts` folder; default: the only `sensor_msgs/Imu` topic of its bag, or the `oxts` of its"
+        " drive",
+    ),
+    "imu_topic": RobotKey(_text, "text", "its topic, in the bag that `imu` names or else in that of the scans"),
+    "imu_pose": RobotKey(
+        _pose,
+        "[x, y, z, qx, qy, qz, qw]",
+        "pose of the IMU in the LiDAR's frame, metres; default: what static transforms in the bag say, else the axes"
+        " are found from turning rates and gravity, and what was found is said",
+    ),
+    "imu_units": RobotKey(
+        _imu_units,
+        "[text, text]",
+        "units of acceleration (`m/s^2`, `g`, `mg`) and turning rate (`rad/s`, `deg/s`); default `[m/s^2, rad/s]`",
+    ),
+    "imu_time_offset": RobotKey(
+        _seconds, "seconds", "**added** to the IMU's stamps to give the clock of the scans; default 0"
+    ),
+    "gnss": RobotKey(
+        _existing,
+        "path",
+        "positions on the Earth: a bag, a table (stamp, latitude, longitude, height; degrees and metres) or KITTI's"
+        " `oxts` folder; the merged map is then in metres east, north and up of the first of them",
+    ),
+    "gnss_topic": RobotKey(
+        _text, "text", "its `sensor_msgs/NavSatFix` topic, in the bag that `gnss` names or else in that of the scans"
+    ),
+    "gnss_antenna": RobotKey(
+        _position, "[x, y, z]", "the antenna in the LiDAR's frame, metres; default: where the LiDAR is"
     ),
     "lidar_pose": RobotKey(
         _pose,

@@ -6,7 +6,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from wiclosure.interfaces import ScanSource
-from wiclosure.types import Trajectory, WirelessLog
+from wiclosure.types import FloatArray, GnssLog, ImuLog, Trajectory, WirelessLog
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuInput:
+    """One robot's inertial measurements.
+
+    Args:
+        log: in the IMU's axes and the clock of the scans.
+        T_lidar_imu: `(4, 4)` mounting, or None where it is to be found.
+    """
+
+    log: ImuLog
+    T_lidar_imu: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GnssInput:
+    """One robot's positions on the Earth.
+
+    Args:
+        log: in the clock of the scans.
+        antenna_lidar: `(3,)` the antenna in the LiDAR's frame, m.
+    """
+
+    log: GnssLog
+    antenna_lidar: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +50,8 @@ class RobotInput:
         elevation_correction_deg: what the sensor's calibration needs, where nothing else is set.
         odometry_settings: settings of odometry that are this robot's own, by name.
         remarks: sentences on what is not used, and why.
+        imu: its inertial measurements, or None.
+        gnss: its positions on the Earth, or None.
     """
 
     robot: str
@@ -36,6 +64,8 @@ class RobotInput:
     elevation_correction_deg: float = 0.0
     odometry_settings: Mapping[str, object] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    imu: ImuInput | None = None
+    gnss: GnssInput | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

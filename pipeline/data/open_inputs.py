@@ -10,6 +10,7 @@ import numpy as np
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
+from wiclosure.pipeline.data.navigation.reader import read_gnss, read_imu
 from wiclosure.pipeline.data.odometry_reader import near_origin
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.words import sources_of_words
@@ -68,6 +69,9 @@ def _robot_input(dataset: Dataset, robot: str, *, limit: int | None, salvage: bo
                 f"{robot}: its odometry starts at {_text(odometry.positions[0] + origin_m)} m; it is used relative to"
                 f" {_text(np.array(origin_m))} m, as are the world and the map where it is the first robot's"
             )
+    imu, of_imu = read_imu(robot, recording, salvage=salvage)
+    gnss, of_gnss = read_gnss(robot, recording, salvage=salvage)
+    remarks += [*of_imu, *of_gnss]
     truth = None
     try:
         truth = dataset.ground_truth(robot, salvage=salvage)
@@ -85,6 +89,8 @@ def _robot_input(dataset: Dataset, robot: str, *, limit: int | None, salvage: bo
         elevation_correction_deg=ELEVATION_CORRECTION_DEG if is_kitti_folder(recording.scans) else 0.0,
         odometry_settings=recording.odometry_settings,
         remarks=tuple(remarks),
+        imu=imu,
+        gnss=gnss,
     )
 
 
@@ -92,8 +98,8 @@ def _identity(recording: RobotRecording, limit: int | None, salvage: bool) -> li
     """All that the scans and the odometry brought along depend on."""
     odometry = None if recording.odometry is None else file_identity(recording.odometry)
     return [
-        file_identity(recording.scans), recording.topic, recording.layout, recording.time_offset_ns, limit, salvage,
-        odometry, recording.odometry_topic, recording.lidar_pose,
+        file_identity(recording.scans), recording.topic, recording.layout, recording.scan_unit,
+        recording.time_offset_ns, limit, salvage, odometry, recording.odometry_topic, recording.lidar_pose,
     ]  # fmt: skip
 
 

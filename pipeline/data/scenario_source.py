@@ -12,7 +12,7 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.data.inputs import Inputs, RobotInput
+from wiclosure.pipeline.data.inputs import GnssInput, ImuInput, Inputs, RobotInput
 from wiclosure.pipeline.runtime.cache import code_digest, file_identity
 from wiclosure.pipeline.runtime.settings_text import explain, nested_words
 from wiclosure.simulation.scenario import Scenario
@@ -66,11 +66,16 @@ def _robot_input(scenario: Scenario, robot: str, identity: object, limit: int | 
     scans = scenario.scan_source(robot)
     if limit is not None:
         scans = replace(scans, scans=min(limit, len(scans)))
-    return RobotInput(robot, scans, identity, scenario.ground_truth(robot))
+    imu, gnss = scenario.imu_log(robot), scenario.gnss_log(robot)
+    return RobotInput(
+        robot, scans, identity, scenario.ground_truth(robot),
+        imu=None if imu is None or scenario.imu is None else ImuInput(imu, scenario.imu.T_lidar_imu()),
+        gnss=None if gnss is None or scenario.gnss is None else GnssInput(gnss, scenario.gnss.antenna_lidar()),
+    )  # fmt: skip
 
 
 def _identity(name: str, settings: ScenarioSettings, limit: int | None) -> list[object]:
     """All that the scans depend on.  The radio is none of it: odometry is shared by runs that hear differently."""
-    chosen = settings.model_dump(mode="json", exclude={"radio", "schedule"})
+    chosen = settings.model_dump(mode="json", exclude={"radio", "schedule", "imu", "gnss"})
     poses = None if settings.poses is None else file_identity(settings.poses)
     return [PREFIX, name, chosen, poses, limit, code_digest(("wiclosure.simulation",))]

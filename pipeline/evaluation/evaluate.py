@@ -81,6 +81,7 @@ def evaluate(
         "ate_odometry_m": odometry_errors(found.odometry, oriented, gap_s=gap_s),
         **trajectories,
         **costs,
+        "earth": None,
         "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
     }
 

@@ -133,6 +133,35 @@ class CostMetrics(TypedDict):
     peak_rss_mb: float | None
 
 
+class UpMetrics(TypedDict):
+    """Directions up of one robot: how many, how sure each is, and how many the estimate outvotes."""
+
+    count: int
+    sigma_deg: float
+    outvoted: int
+
+
+class FixMetrics(TypedDict):
+    """Positions on the Earth of one robot: how many, and how many the estimate outvotes."""
+
+    count: int
+    outvoted: int
+
+
+class EarthMetrics(TypedDict):
+    """The world's frame, and what is known of the Earth.
+
+    `frame`: `east-north-up` of `origin` (latitude and longitude in degrees, height in metres), `upright` where z points
+    up, or `odometry` of the first robot.
+    """
+
+    frame: str
+    origin: dict[str, float] | None
+    placed: list[str]
+    up: dict[str, UpMetrics]
+    fixes: dict[str, FixMetrics]
+
+
 class Metrics(TrajectoryMetrics, CostMetrics):
     """All of `metrics.json`.
 
@@ -150,3 +179,4 @@ class Metrics(TrajectoryMetrics, CostMetrics):
     radio: dict[str, RadioMetrics]
     starts: dict[str, StartMetrics]
     ate_odometry_m: dict[str, float | None]
+    earth: EarthMetrics | None

@@ -36,7 +36,12 @@ CLOUD_READERS: Mapping[str, CloudReader] = {
 
 def is_cloud_folder(path: Path) -> bool:
     """Whether the folder holds cloud files."""
-    return path.is_dir() and any(file.suffix.lower() in CLOUD_READERS for file in path.iterdir())
+    return path.is_dir() and any(map(_is_cloud, path.iterdir()))
+
+
+def _is_cloud(file: Path) -> bool:
+    """By its ending; hidden files are what other systems leave beside."""
+    return file.suffix.lower() in CLOUD_READERS and not file.name.startswith(".")
 
 
 class FolderSource:
@@ -55,7 +60,7 @@ class FolderSource:
 
     def __init__(self, path: Path, layout: str | None = None) -> None:
         self.path = path
-        files = [file for file in path.iterdir() if file.suffix.lower() in CLOUD_READERS]
+        files = [file for file in path.iterdir() if _is_cloud(file)]
         files.sort(key=lambda file: natural(file.name))
         suffixes = sorted({file.suffix.lower() for file in files})
         if len(suffixes) != 1:

@@ -15,20 +15,22 @@ from pydantic import ValidationError
 
 from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import OdometrySettings
-from wiclosure.frontends.front_end import OdometryRun, describe_all
+from wiclosure.frontends.front_end import Followed, OdometryRun, describe_all
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, OdometryResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
 from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.runtime.reading_ahead import read_ahead
 from wiclosure.pipeline.runtime.settings_text import explain
-from wiclosure.pipeline.stages.reading_ahead import read_ahead
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import Scan
 
-Shown: TypeAlias = Callable[[str, int], None]
-"""Takes a robot's name and how many of its scans are done."""
+Shown: TypeAlias = Callable[[str, int, Followed | None], None]
+"""Takes a robot's name, how many of its scans are done, and the last of them where a viewer follows scans."""
 
+_Report: TypeAlias = tuple[str, int, Followed | None]
 _REPORT_S = 0.1
 
 
@@ -40,6 +42,7 @@ def front_ends(
     jobs: int,
     progress: Progress,
     also: Sequence[Config] = (),
+    viewer: Viewer | None = None,
 ) -> tuple[dict[str, FrontEndResult], tuple[str, ...]]:
     """Odometry, keyframes and descriptors of every robot, and the names of those whose odometry was in the cache.
 
@@ -52,13 +55,23 @@ def front_ends(
         progress: shows how far it is.
         also: configurations that will be asked for next; where only their keyframes differ, one odometry serves all,
             and the cache keeps what it gave.
+        viewer: is shown scans as they are followed, if it wants.
 
     Raises:
         InputError: a recording cannot be read, or has no usable scan.
     """
-    spare = max(0, jobs - len(robots))
-    work = [_Work(robot, (config, *also), cache, ahead=number < spare) for number, robot in enumerate(robots)]
-    with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as shown:
+    spare, seen = max(0, jobs - len(robots)), viewer or NoViewer()
+    work = [
+        _Work(robot, (config, *also), cache, ahead=number < spare, seen=seen.follows_scans)
+        for number, robot in enumerate(robots)
+    ]
+    with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as counted:
+
+        def shown(robot: str, done: int, followed: Followed | None) -> None:
+            counted(robot, done)
+            if followed is not None:
+                seen.scan(robot, followed)
+
         if jobs > 1 and len(robots) > 1:
             done = _in_processes(work, min(jobs, len(robots)), shown)
         else:
@@ -113,12 +126,14 @@ class _Work:
         configs: settings; the cache keeps what those after the first will need.
         cache: results of earlier runs.
         ahead: whether another process reads the scans.
+        seen: whether somebody looks at them as they are followed.
     """
 
     robot: RobotInput
     configs: Sequence[Config]
     cache: StageCache
     ahead: bool
+    seen: bool = False
 
     def front_end(self, shown: Shown) -> tuple[FrontEndResult, bool]:
         """The result, and whether its odometry was in the cache.
@@ -154,7 +169,7 @@ class _Work:
         settings = odometry_settings(robot, config)
         run = OdometryRun(settings, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
-            run.process_all(_reported(scans, robot.robot, shown))
+            run.process_all(_reported(scans, robot.robot, shown, run if self.seen else None))
         result, *further = run.results()
         for other, found in zip(others, further, strict=True):
             self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
@@ -164,7 +179,7 @@ class _Work:
 def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
     """One robot a process."""
     with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
-        reports: SimpleQueue[tuple[str, int]] = get_context("spawn").SimpleQueue()
+        reports: SimpleQueue[_Report] = get_context("spawn").SimpleQueue()
     with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
         waiting = set(futures)
         while waiting:
@@ -179,15 +194,15 @@ def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[
 class _Worker:
     """What happens in another process; its reports go to the first one."""
 
-    reports: SimpleQueue[tuple[str, int]]
+    reports: SimpleQueue[_Report]
 
     @classmethod
-    def begin(cls, reports: SimpleQueue[tuple[str, int]]) -> None:
+    def begin(cls, reports: SimpleQueue[_Report]) -> None:
         cls.reports = reports
 
     @classmethod
     def front_end(cls, work: _Work) -> tuple[FrontEndResult, bool]:
-        return work.front_end(lambda name, scans: cls.reports.put((name, scans)))
+        return work.front_end(lambda *report: cls.reports.put(report))
 
 
 def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
@@ -196,14 +211,14 @@ def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
     return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
 
 
-def _reported(scans: Iterable[Scan], robot: str, shown: Shown) -> Iterator[Scan]:
-    """The same scans; how many passed is shown some times a second, and at the end."""
+def _reported(scans: Iterable[Scan], robot: str, shown: Shown, run: OdometryRun | None) -> Iterator[Scan]:
+    """The same scans; how many passed is shown some times a second, and at the end; of the run its last, if given."""
     count, last_s = 0, time.monotonic()
     for scan in scans:
         require_wanted()
         yield scan
         count += 1
         if time.monotonic() - last_s > _REPORT_S:
-            shown(robot, count)
+            shown(robot, count, run.last if run is not None else None)
             last_s = time.monotonic()
-    shown(robot, count)
+    shown(robot, count, None)

@@ -16,6 +16,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
+from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
@@ -24,6 +25,7 @@ from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import KeyframeId
 from wiclosure.wiclosure_filter.registry import make_filter
 
@@ -37,7 +39,7 @@ class Prepared:
     Args:
         inputs: the recordings.
         config: of the run.
-        fronts: odometry, keyframes, descriptors by robot.
+        grounding: odometry, keyframes, descriptors by robot, and what is known of the Earth.
         from_cache: robots whose front end was computed by an earlier invocation.
         known: registrations done so far with these clouds and settings.
         cache: keeps them for later invocations.
@@ -47,12 +49,17 @@ class Prepared:
 
     inputs: Inputs
     config: Config
-    fronts: dict[str, FrontEndResult]
+    grounding: Grounding
     from_cache: tuple[str, ...]
     known: KnownRegistrations = field(default_factory=dict)
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
+
+    @property
+    def fronts(self) -> dict[str, FrontEndResult]:
+        """Odometry, keyframes, descriptors by robot."""
+        return self.grounding.fronts
 
 
 def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
@@ -73,6 +80,7 @@ def prepare(
     jobs: int,
     progress: Progress,
     also: Sequence[Config] = (),
+    viewer: Viewer | None = None,
 ) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
 
@@ -81,18 +89,26 @@ def prepare(
     """
     for each in (config, *also):
         Registration(each.registration)
-    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
-    return Prepared(inputs, config, fronts, from_cache, cache=cache, jobs=jobs)
+    fronts, from_cache = front_ends(
+        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer
+    )
+    return Prepared(inputs, config, grounded(fronts, inputs, config.earth), from_cache, cache=cache, jobs=jobs)
 
 
-def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
-    """Filters, matches, registers, optimises, maps and evaluates."""
-    inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
+def run_stages(
+    prepared: Prepared, chosen: CandidateFilter, *, progress: Progress, viewer: Viewer | None = None
+) -> RunResult:
+    """Filters, matches, registers, optimises, maps and evaluates; a viewer sees every stage."""
+    inputs, config, fronts, seen = prepared.inputs, prepared.config, prepared.fronts, viewer or NoViewer()
+    seen.fronts(fronts)
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
     registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
-    solution = solve(fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress)
+    solution = solve(
+        fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress, viewer=seen,
+        earth=prepared.grounding.earth,
+    )  # fmt: skip
     if len(prepared.known) > recalled:
         store.keep(prepared.known)
     merged = {
@@ -117,17 +133,23 @@ def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progres
         costs=_costs(prepared, solution, took["mapping"]),
         diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
     )
+    if prepared.grounding.earth:
+        metrics["earth"] = earth_metrics(prepared.grounding, solution.graph)
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
-    return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics)
+    result = RunResult(config, inputs, fronts, solution, merged, merged_map, metrics, prepared.grounding)
+    seen.result(result)
+    return result
 
 
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
+    gravity_s = prepared.grounding.seconds
+    spent = {"gravity": 0.0 if prepared.shared else gravity_s} | solution.seconds_spent
     return {
-        "seconds": _stages(prepared.fronts.values(), solution.seconds, mapping_s),
-        "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
+        "seconds": _stages(prepared.fronts.values(), {"gravity": gravity_s} | solution.seconds, mapping_s),
+        "seconds_spent": _stages(paid, spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
@@ -160,10 +182,9 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
 def _about_inputs(prepared: Prepared) -> list[str]:
     inputs, fronts = prepared.inputs, prepared.fronts
     sentences = [s for robot in inputs.robots for s in remarks(robot, fronts[robot.robot], prepared.config)]
+    sentences += prepared.grounding.sentences
     if prepared.from_cache:
         sentences.append(
             f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"
         )
-    if len(inputs.robots) == 1 and not prepared.config.revisits.enabled:
-        sentences.append("there is one robot only, so there is nothing to merge: its map is that of plain odometry")
     return sentences

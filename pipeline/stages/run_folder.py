@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
-import yaml
 
+from wiclosure import se3
 from wiclosure.backends.graph_files.g2o_writer import write_g2o
 from wiclosure.backends.map_writers import write_pcd, write_ply
 from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.kitti_poses import write_kitti_poses
+from wiclosure.formats.structured_text import read_json, read_yaml
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.config import dump_config
-from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
@@ -37,7 +36,7 @@ def write_run(folder: Path, result: RunResult) -> None:
     for robot, front in result.fronts.items():
         write_tum(folder / f"{robot}.tum", result.merged[robot])
         write_kitti_poses(folder / f"{robot}_kitti.txt", result.merged[robot].poses)
-        write_tum(folder / f"{robot}_odometry.tum", _in_its_frame(front.scans, result.inputs))
+        write_tum(folder / f"{robot}_odometry.tum", _in_its_frame(front.scans, result))
     for robot, truth in result.inputs.ground_truth.items():
         _write_truth(folder / f"{robot}_ground_truth.tum", truth, result.merged[robot], result.config.evaluation)
     clouds = {robot: front.keyframes for robot, front in result.fronts.items()}
@@ -50,12 +49,15 @@ def write_run(folder: Path, result: RunResult) -> None:
     write_occupancy(occupancy(result.merged_map, result.config.map), folder)
 
 
-def _in_its_frame(odometry: Trajectory, inputs: Inputs) -> Trajectory:
-    """Odometry in the frame that the robot brought along."""
-    origin_m = next(robot.odometry_origin_m for robot in inputs.robots if robot.robot == odometry.robot)
+def _in_its_frame(odometry: Trajectory, result: RunResult) -> Trajectory:
+    """Odometry in the frame that the robot brought along: not set upright, and from its own origin."""
+    origin_m = next(robot.odometry_origin_m for robot in result.inputs.robots if robot.robot == odometry.robot)
     T_odom_local = np.eye(4)
     T_odom_local[:3, 3] = origin_m
-    return odometry.moved(T_odom_local) if any(origin_m) else odometry
+    T_level_odom = result.grounding.T_level_odom.get(odometry.robot)
+    if T_level_odom is not None:
+        T_odom_local = T_odom_local @ se3.inverse(T_level_odom)
+    return odometry if (T_odom_local == np.eye(4)).all() else odometry.moved(T_odom_local)
 
 
 def _write_truth(path: Path, truth: Trajectory, merged: Trajectory, settings: EvaluationSettings) -> None:
@@ -77,11 +79,9 @@ def read_metrics(folder: Path) -> Metrics:
         some = ", ".join(arms[:4]) + (" ..." if len(arms) > 4 else "")
         raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {some}")
     try:
-        metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give a folder that wiclosure run wrote") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}); give a folder that wiclosure run wrote") from error
+        metrics: Metrics = read_json(path)
+    except InputError as error:
+        raise InputError(f"{error}; give a folder that wiclosure run wrote") from error
     if "components" not in metrics:
         raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
     return metrics
@@ -95,8 +95,8 @@ def read_evaluation_settings(folder: Path) -> EvaluationSettings:
     """
     path = folder / "config.yaml"
     try:
-        return EvaluationSettings.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")).get("evaluation", {}))
-    except (OSError, yaml.YAMLError, AttributeError, ValueError) as error:
+        return EvaluationSettings.model_validate(read_yaml(path).get("evaluation", {}))
+    except (AttributeError, ValueError) as error:
         raise InputError(f"{path} does not hold the configuration of a run: {error}") from error
 
 

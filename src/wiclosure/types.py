@@ -8,6 +8,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs, RelativePosePredictor, robot_pairs
 from wiclosure.closure import Closure, KeyframeId, Stage, measured_poses, survivors
+from wiclosure.earth import EarthMeasurements, GnssLog, PositionFixes, UpDirections
 from wiclosure.evidence import (
     Measured,
     Prediction,
@@ -26,6 +27,7 @@ from wiclosure.filter_result import (
     FrameAlignment,
     RadioLinks,
 )
+from wiclosure.inertial import ImuLog
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory, require_own_names
 from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
@@ -40,14 +42,18 @@ __all__ = [
     "CandidatePairs",
     "Closure",
     "ClosureCheck",
+    "EarthMeasurements",
     "FilterResult",
     "Float32Array",
     "FloatArray",
     "FrameAlignment",
+    "GnssLog",
     "Heading",
+    "ImuLog",
     "IntArray",
     "KeyframeId",
     "Measured",
+    "PositionFixes",
     "Prediction",
     "PredictionKind",
     "RadioLinks",
@@ -58,6 +64,7 @@ __all__ = [
     "ScanContextMatch",
     "Stage",
     "Trajectory",
+    "UpDirections",
     "WirelessLog",
     "WirelessMeasurement",
     "capped_covariance",

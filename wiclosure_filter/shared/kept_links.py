@@ -9,9 +9,9 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M
 from wiclosure.wiclosure_filter.links.links import Links
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
 UNKNOWN_ELEVATION = 0.5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import json
 import logging
 import re
 from collections import Counter
@@ -15,6 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import parse_json
 
 logger = logging.getLogger(__name__)
 
@@ -88,8 +88,8 @@ def open_table(
     Raises:
         InputError: the file cannot be read, is no text, or holds no rows.
     """
-    encoding = _encoding(path)
     with _reading(path):
+        encoding = encoding_of(path)
         head = list(_head(path, encoding))
     content = [(number, line) for number, line in head if not line.lstrip().startswith("#")]
     if not content:
@@ -185,8 +185,8 @@ def _plain(units: Sequence[str]) -> tuple[str, ...]:
 def _json_cells(line: str) -> dict[str, str]:
     """The values of a JSON object by their paths, as `header.stamp`; empty where it is none."""
     try:
-        content = json.loads(line)
-    except ValueError:
+        content = parse_json(line)
+    except InputError:
         return {}
     found: dict[str, str] = {}
     waiting = [("", content)]
@@ -247,13 +247,14 @@ def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
         yield from enumerate(file, start=1)
 
 
-def _encoding(path: Path) -> str:
+def encoding_of(path: Path) -> str:
     """UTF-8; UTF-16 where the first bytes say so, as spreadsheets write it; else that of Windows in the west.
 
     Raises:
         InputError: bytes that no text has.
+        OSError: it cannot be read.
     """
-    with _reading(path), path.open("rb") as file:
+    with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
         return "utf-16"

@@ -1,0 +1,196 @@
+"""Gravity, loops within one robot and GNSS along recorded odometry: what they leave of its drift.
+
+    python benchmarks/gravity.py [--only ROW ...] [--seeds 5]
+
+Each row prints what was measured and the goal.  Recordings come from `WICLOSURE_DATA`; closures and directions up are
+made of ground truth with the noise that each row states.
+"""
+
+from __future__ import annotations
+
+import argparse
+import lzma
+import os
+import time
+from collections.abc import Callable
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does
+
+import numpy as np
+from back_end import ate_m
+from kitti import DATA, FRAME_NS, Team, every, lidar_poses, thirds
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from wiclosure import se3
+from wiclosure.backends.config import PcmSettings
+from wiclosure.backends.pcm import pairwise_consistent
+from wiclosure.backends.pose_graph import optimise
+from wiclosure.frontends.config import IntraRobotLoopSettings
+from wiclosure.frontends.inertial.estimate import estimate_up
+from wiclosure.frontends.inertial.gravity import level_rotation
+from wiclosure.frontends.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.matching import spread_out
+from wiclosure.types import (
+    Closure,
+    EarthMeasurements,
+    FloatArray,
+    ImuLog,
+    KeyframeId,
+    Trajectory,
+    UpDirections,
+)
+
+CLOSURE_SIGMA = np.repeat([0.005, 0.03], 3)
+UP_SIGMA_RAD = np.radians(0.5)
+
+
+def recorded_imu() -> tuple[ImuLog, Trajectory]:
+    """The handheld recording: 100 Hz IMU in the axes of its LiDAR-inertial trajectory, whose z is up."""
+    folder = DATA / "imu_continuous"
+    with lzma.open(folder / "imu.txt.xz", "rt") as file:
+        samples = np.loadtxt(file)
+    rows = np.loadtxt(folder / "traj.txt")
+    poses = se3.from_rotation_translation(Rotation.from_quat(rows[:, 4:8]).as_matrix(), rows[:, 1:4])
+    imu_ns, odometry_ns = (
+        np.rint((seconds - rows[0, 0]) * 1e9).astype(np.int64) for seconds in (samples[:, 0], rows[:, 0])
+    )
+    return ImuLog(imu_ns, samples[:, 1:4], samples[:, 4:7]), Trajectory("handheld", odometry_ns, poses)
+
+
+def imu(_: argparse.Namespace) -> None:
+    """Tilt and mounting on the handheld recording."""
+    log, odometry = recorded_imu()
+    keyframes = odometry.keyframes(np.arange(0, len(odometry), 10))
+    off, angle, seconds = [], [], []
+    for seed in range(10):
+        hidden = Rotation.random(random_state=seed).as_matrix()
+        began = time.perf_counter()
+        found = estimate_up(log.turned(hidden.T), odometry, keyframes)
+        seconds.append(time.perf_counter() - began)
+        assert found.up is not None
+        assert found.mounting is not None
+        off.append(found.up.angles_off(keyframes.poses[:, :3, :3]))
+        angle.append(Rotation.from_matrix(found.mounting.R_body_imu @ hidden.T).magnitude())
+    print(
+        f"imu_continuous, 10 hidden mountings: tilt {np.degrees(np.sqrt(np.mean(np.square(off)))):.2f} degrees rms"
+        f" (goal 0.3); mounting found to {np.degrees(max(angle)):.3f} degrees (goal 1); {np.median(seconds):.2f} s for"
+        f" {np.ptp(log.stamps_ns) * 1e-9:.0f} s"
+    )
+
+
+def levelled(team: Team) -> Team:
+    """Each robot's odometry in a frame whose z is that of the ground truth's at its start."""
+    turned = {}
+    for robot, odometry in team.odometry.items():
+        R = level_rotation(team.truth[robot].poses[0, :3, :3].T[:, 2])
+        turned[robot] = odometry.moved(se3.from_rotation_translation(R, np.zeros(3)))
+    return Team(team.truth, turned)
+
+
+def up_of(truth: Trajectory, rows: np.ndarray, rng: np.random.Generator) -> UpDirections:
+    """True directions up with noise."""
+    noise = Rotation.from_rotvec(rng.normal(0.0, UP_SIGMA_RAD, (len(rows), 3))).as_matrix()
+    up = np.einsum("nij,nj->ni", noise, truth.poses[rows, 2, :3])
+    return UpDirections(rows, up, np.full(len(rows), UP_SIGMA_RAD))
+
+
+def closures_between(
+    truth: dict[str, Trajectory], reach_m: float, every: int, rng: np.random.Generator, sigma: FloatArray
+) -> list[Closure]:
+    """The nearest pair of each keyframe with each other robot, thinned, measured with noise."""
+    names, found = list(truth), []
+    for n, a in enumerate(names):
+        for b in names[n + 1 :]:
+            distance, near = cKDTree(truth[b].positions).query(truth[a].positions)
+            rows = np.flatnonzero(distance < reach_m)[::every]
+            T = se3.between(truth[a].poses[rows], truth[b].poses[near[rows]])
+            T = T @ se3.exp(rng.normal(size=(len(rows), 6)) * sigma)
+            found += [
+                Closure.from_measurement(KeyframeId(a, int(i)), KeyframeId(b, int(j)), T_ab, np.diag(sigma**2))
+                for i, j, T_ab in zip(rows, near[rows], T, strict=True)
+            ]
+    return found
+
+
+def kitti_08(arguments: argparse.Namespace) -> None:
+    """Thirds of KITTI 08 with recorded odometry, merged with and without gravity."""
+    team = levelled(thirds("08").keyframes(1.0))
+    true = {robot: t.poses for robot, t in team.truth.items()}
+    for spacing in (1, 10, 30):
+        errors, seconds, count = [], [], 0
+        for seed in range(arguments.seeds):
+            rng = np.random.default_rng(seed)
+            closures = closures_between(team.truth, 5.0, 1, rng, CLOSURE_SIGMA)
+            up = {robot: up_of(t, np.arange(0, len(t), spacing), rng) for robot, t in team.truth.items()}
+            for earth in (EarthMeasurements(), EarthMeasurements(up)):
+                began = time.perf_counter()
+                result = optimise(team.odometry, closures, earth=earth)
+                seconds.append(time.perf_counter() - began)
+                errors.append(ate_m(result, true))
+            count = len(closures)
+        without, with_up = np.median(np.reshape(errors, (-1, 2)), axis=0)
+        worst = max(errors[1::2])
+        took = np.median(np.reshape(seconds, (-1, 2)), axis=0)
+        print(
+            f"KITTI 08 in thirds, recorded odometry, {count} closures of 3 cm: {without:.2f} m; with gravity of 0.5"
+            f" degrees every {spacing} m {with_up:.2f} m, worst {worst:.2f} m (goal 2.0);"
+            f" {took[0]:.2f} and {took[1]:.2f} s"
+        )
+
+
+def own_loops(arguments: argparse.Namespace) -> None:
+    """KITTI 00 and 05 by one robot: the candidates that its odometry's drift allows, measured to 5 cm where true."""
+    sigma = np.repeat([0.005, 0.05], 3)
+    for sequence in ("00", "05"):
+        poses = {kind: lidar_poses(kind, sequence) for kind in ("gt", "kiss_icp")}
+        stamps_ns = np.arange(len(poses["gt"]), dtype=np.int64) * FRAME_NS
+        odometry = Trajectory("alpha", stamps_ns, poses["kiss_icp"])
+        rows = every(odometry, 1.0)
+        keyframes, truth = odometry.keyframes(rows), poses["gt"][rows]
+        began = time.perf_counter()
+        pairs = intra_robot_loops(keyframes, IntraRobotLoopSettings())
+        candidates_s = time.perf_counter() - began
+        apart = np.linalg.norm(truth[pairs.index_a, :3, 3] - truth[pairs.index_b, :3, 3], axis=1)
+        near = np.flatnonzero(apart < 5.0)
+        kept = near[spread_out(pairs.index_a[near], pairs.index_b[near], apart[near], 3, len(rows) // 10)]
+        errors, seconds, accepted = [], [], []
+        for seed in range(arguments.seeds):
+            rng = np.random.default_rng(seed)
+            i, j = pairs.index_a[kept], pairs.index_b[kept]
+            T = se3.between(truth[i], truth[j]) @ se3.exp(rng.normal(size=(len(kept), 6)) * sigma)
+            closures = [
+                Closure.from_measurement(
+                    KeyframeId("alpha", int(a)), KeyframeId("alpha", int(b)), T_ab, np.diag(sigma**2)
+                )
+                for a, b, T_ab in zip(i, j, T, strict=True)
+            ]
+            began = time.perf_counter()
+            checked = pairwise_consistent(closures, {"alpha": keyframes}, PcmSettings())
+            result = optimise({"alpha": keyframes}, checked.closures)
+            seconds.append(time.perf_counter() - began)
+            errors.append(ate_m(result, {"alpha": truth}))
+            accepted.append(len(result.accepted))
+        plain = ate_m(optimise({"alpha": keyframes}, []), {"alpha": truth})
+        print(
+            f"KITTI {sequence}, one robot: odometry {plain:.2f} m, with {int(np.median(accepted))} of {len(kept)} loops"
+            f" {np.median(errors):.2f} m (goal: half); {len(pairs)} candidates in {candidates_s:.1f} s, estimate"
+            f" {np.median(seconds):.1f} s"
+        )
+
+
+ROWS: dict[str, Callable[[argparse.Namespace], None]] = {"imu": imu, "kitti08": kitti_08, "loops": own_loops}
+
+
+def main() -> None:
+    """Prints the rows."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", choices=list(ROWS), nargs="+", default=list(ROWS))
+    parser.add_argument("--seeds", type=int, default=5)
+    arguments = parser.parse_args()
+    for name in arguments.only:
+        ROWS[name](arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""A robot's inertial measurements and positions on the Earth, as a run takes them."""

@@ -1,0 +1,1 @@
+"""Inertial measurements and positions on the Earth, as topics of bags, tables and KITTI's OXTS files."""
