@@ -29,14 +29,31 @@ Data = Annotated[
         show_default=False,
     ),
 ]
+_FILTERS = ("wiclosure", "none", "range-gate", "oracle", "random")
+
+
+def _filters() -> list[str]:
+    return list(_FILTERS)
+
+
+def _presets() -> list[str]:
+    from wiclosure.pipeline.presets import preset_names
+
+    return list(preset_names())
+
+
 FilterName = Annotated[
     str | None,
-    typer.Option("--filter", "-f", help="wiclosure, none, range-gate, oracle, random", show_default=False),
+    typer.Option("--filter", "-f", help=", ".join(_FILTERS), show_default=False, autocompletion=_filters),
 ]
 ConfigName = Annotated[
     str | None,
     typer.Option(
-        "--config", "-c", help="YAML file, or name of a preset (dump-config --presets lists them)", show_default=False
+        "--config",
+        "-c",
+        help="YAML file, or name of a preset (dump-config --presets lists them)",
+        show_default=False,
+        autocompletion=_presets,
     ),
 ]
 Set = Annotated[
