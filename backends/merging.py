@@ -15,7 +15,7 @@ from wiclosure.backends import sigma_scale
 from wiclosure.backends.alignment import ClosureComparison
 from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.group_cycles import settle_cycles
-from wiclosure.backends.joining import joined_groups
+from wiclosure.backends.joining import joined_groups, strongest
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
 from wiclosure.backends.robots import Robots
@@ -107,7 +107,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, places, settings)]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
-        holding = [c for c in candidates if c.holds]
+        holding = strongest(candidates, settings.ambiguous_share)
         if not holding:
             break
         group, poses, joined = joined_groups(robots, group, settled, holding, settings.agree_limit)

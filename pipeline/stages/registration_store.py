@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wiclosure.formats.unpacking import read_arrays
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.pipeline.runtime.cache import StageCache
@@ -73,8 +74,7 @@ def _save(known: KnownRegistrations, path: Path) -> None:
 
 
 def _load(path: Path) -> KnownRegistrations:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
-        content = {name: pack[name] for name in pack.files}
+    content = read_arrays(path)
     known: KnownRegistrations = {}
     for row, (robots, indices) in enumerate(zip(content["robots"], content["indices"], strict=True)):
         query, match = (KeyframeId(str(r), int(i)) for r, i in zip(robots, indices, strict=True))

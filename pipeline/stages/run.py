@@ -16,10 +16,10 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
+from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.earth import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool

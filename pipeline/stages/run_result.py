@@ -15,7 +15,7 @@ from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics
-from wiclosure.pipeline.stages.earth import Grounding
+from wiclosure.pipeline.grounding.grounding import Grounding
 from wiclosure.types import Closure, FilterResult, Trajectory
 
 if TYPE_CHECKING:

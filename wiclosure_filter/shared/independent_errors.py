@@ -10,14 +10,17 @@ import numpy as np
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
+# Of an independent error's effect: what adds less than this share to the variance of whatever there is, is left out.
+LEAST_SHARE = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class IndependentErrors:
-    """Errors of one standard deviation each, in sets of p: one set for the links of two robots.
+    """Errors of one standard deviation each, in sets: one for the links of two robots.
 
     Args:
         places: of each set, the columns `(c,)` of the root's inverse that it touches.
-        effects: of each set, `(6 c, p)` by how much.
+        effects: of each set, `(6 c, p)` by how much, in independent combinations of the errors.
         near: by robot, the sets that count for it, increasing.
     """
 
@@ -35,14 +38,15 @@ class IndependentErrors:
         """See `JointCovariance.widened`."""
         places, effects = [], []
         for of_poses in pulls.values():
-            rows, touched = root.rows(np.array(list(of_poses)))
+            solved, touched = root.solved(np.array(list(of_poses)), np.array(list(of_poses.values())))
+            left, sizes, _ = np.linalg.svd(solved.reshape(6 * len(touched), -1), full_matrices=False)
             places.append(touched)
-            effects.append(np.einsum("tic,tip->cp", rows, np.array(list(of_poses.values())), optimize=True))
+            effects.append((left * sizes)[:, sizes**2 > LEAST_SHARE])
         counted = {robot: tuple(i for i, pair in enumerate(pulls) if pair in pairs) for robot, pairs in near.items()}
         return cls(tuple(places), tuple(effects), counted)
 
     def at(self, robot: int, values: FloatArray, places: IntArray) -> tuple[FloatArray, IntArray]:
-        """What the errors that count for a robot add to its poses `(n, 6, E)`, and the errors' numbers `(E,)`.
+        """What the errors that count for a robot add to its poses `(n, 6, E)`, and their numbers `(E,)`, increasing.
 
         Args:
             robot: the robot.
@@ -50,11 +54,11 @@ class IndependentErrors:
             places: `(C,)` of their columns.
         """
         sets = self.near.get(robot, ())
-        count = self.effects[0].shape[1] if self.effects else 0
-        moved = np.zeros((len(places), 6, len(sets) * count))
-        for number, one in enumerate(sets):
+        begin = np.cumsum([0, *(effect.shape[1] for effect in self.effects)])
+        names = np.concatenate([np.zeros(0, np.int64), *(np.arange(begin[one], begin[one + 1]) for one in sets)])
+        moved = np.zeros((len(places), 6, len(names)))
+        for one in sets:
             _, at, of_error = np.intersect1d(places, self.places[one], assume_unique=True, return_indices=True)
-            effect = self.effects[one].reshape(-1, 6, count)
-            moved[at, :, number * count : (number + 1) * count] = effect[of_error]
-        names = (np.array(sets, np.int64)[:, None] * count + np.arange(count)).ravel()
+            first, end = np.searchsorted(names, (begin[one], begin[one + 1]))
+            moved[at, :, first:end] = self.effects[one].reshape(-1, 6, end - first)[of_error]
         return values @ moved.reshape(6 * len(places), len(names)), names

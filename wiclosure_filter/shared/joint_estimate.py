@@ -43,9 +43,9 @@ from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 # The drift is scaled again where it grew by this factor, at most so often.
 GROWN, MOST_RESCALINGS = 1.2, 5
 
-# Links between them over which systematic errors of two robots' measurements count for a third: of robots three links
-# on they add less than a hundredth of the variance.
-FAR_HOPS = 3
+# Links between them over which systematic errors of measurements count for a robot: those of robots further away
+# add a hundredth of the variance of two robots that meet (at most a twentieth, in a simulated fleet of 49).
+FAR_HOPS = 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,6 +79,17 @@ class SquareRoot:
             rows[number, :, 6 * number : 6 * number + 6] = self.remainder[place]
         return rows[np.searchsorted(columns, self.place[poses])], columns
 
+    def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
+        """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
+        places = self._with_ancestors(np.unique(self.place[poses]))
+        left = np.zeros((len(places), *pulls.shape[1:]))
+        np.add.at(left, np.searchsorted(places, self.place[poses]), pulls)
+        for number in range(len(places) - 1, -1, -1):  # from the leaves: what a pose follows is pulled with it
+            first, end = self.start[places[number]], self.start[places[number] + 1]
+            followed = self.response[:, 6 * first : 6 * end].T @ left[number]
+            left[np.searchsorted(places, self.separator[first:end])] += followed.reshape(end - first, *pulls.shape[1:])
+        return np.swapaxes(self.remainder[places], 1, 2) @ left, places
+
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
 

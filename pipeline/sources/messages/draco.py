@@ -19,6 +19,15 @@ _POSITION = 0  # Draco's number of this kind of attribute
 _MERGED = {"x": ("x", "y", "z"), "nx": ("nx", "ny", "nz"), "normal_x": ("normal_x", "normal_y", "normal_z")}
 
 
+_MOST_POINTS = 10_000_000  # of a message; a megabyte of Draco may announce any number
+
+
+def _announced_points(head: bytes) -> int:
+    """Points that Draco's header announces (its bitstream specification, 1.2, 4); 0 where it does not say at once."""
+    has_metadata = len(head) < 15 or head[:5] != b"DRACO" or head[10] & 0x80
+    return 0 if has_metadata else int.from_bytes(head[11:15], "little")
+
+
 class CompressedCloud(Protocol):
     """`point_cloud_interfaces/CompressedPointCloud2`, as rosbags makes it."""
 
@@ -77,6 +86,8 @@ def _columns(cloud: CompressedCloud) -> dict[str, NDArray[Any]]:
             "the clouds are compressed by Draco; install DracoPy (pip install 'wiclosure[draco]'), or decompress them"
             " with point_cloud_transport's republish"
         ) from error
+    if (announced := _announced_points(bytes(cloud.compressed_data[:16]))) > _MOST_POINTS:
+        raise InputError(f"the compressed cloud announces {announced} points; no LiDAR makes so many")
     try:
         attributes = DracoPy.decode(bytes(cloud.compressed_data)).attributes
     except Exception as error:  # of its own kinds, and ValueError

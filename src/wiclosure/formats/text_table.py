@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import json
 import logging
 import re
 from collections import Counter
@@ -15,6 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import parse_json
 
 logger = logging.getLogger(__name__)
 
@@ -185,8 +185,8 @@ def _plain(units: Sequence[str]) -> tuple[str, ...]:
 def _json_cells(line: str) -> dict[str, str]:
     """The values of a JSON object by their paths, as `header.stamp`; empty where it is none."""
     try:
-        content = json.loads(line)
-    except ValueError:
+        content = parse_json(line)
+    except InputError:
         return {}
     found: dict[str, str] = {}
     waiting = [("", content)]

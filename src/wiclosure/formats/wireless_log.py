@@ -23,6 +23,7 @@ from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.json_values import Record, name, number, optional, shown, vector
 from wiclosure.formats.radio_units import AngleUnit, radians
 from wiclosure.formats.stamps import seconds_text
+from wiclosure.formats.structured_text import parse_json
 from wiclosure.suggestions import did_you_mean
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
 
@@ -93,10 +94,9 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
 def _parsed(line: bytes) -> Record:
     """The JSON object of a line, decimals kept exact, its keys checked."""
     try:
-        record = json.loads(line.decode("utf-8-sig"), parse_float=Decimal)
-    except (ValueError, RecursionError, ArithmeticError) as error:
-        detail = error.msg if isinstance(error, json.JSONDecodeError) else type(error).__name__
-        raise InputError(f"not valid JSON ({detail}); write one complete JSON object a line, in UTF-8") from error
+        record = parse_json(line, exact=True)
+    except InputError as error:
+        raise InputError(f"{error}; write one complete JSON object a line, in UTF-8") from error
     if not isinstance(record, dict):
         raise InputError("not a JSON object; write one record {...} a line")
     kind = record.get("type")
