@@ -106,14 +106,16 @@ class Claims:
         first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]
+        ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
+        made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
+        unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
         distances = []
         for start in range(0, len(chosen), PAIRS_AT_ONCE):
-            part = chosen[start : start + PAIRS_AT_ONCE]
-            one = self.recombined(first[part], first_end[part])
-            other = self.recombined(second[part], second_end[part])
-            apart = other.wander - one.wander
-            covariance = one.noise + other.noise + apart @ np.swapaxes(apart, 1, 2)
-            distances.append(mahalanobis_squared(se3.log(se3.between(one.frames, other.frames)), covariance))
+            i, j = one[start : start + PAIRS_AT_ONCE], other[start : start + PAIRS_AT_ONCE]
+            apart = unrelated.wander[j] - unrelated.wander[i]
+            covariance = unrelated.noise[i] + unrelated.noise[j] + apart @ np.swapaxes(apart, 1, 2)
+            error = se3.log(se3.between(unrelated.frames[i], unrelated.frames[j]))
+            distances.append(mahalanobis_squared(error, covariance))
         return np.sort(np.concatenate(distances)) if distances else np.zeros(0)
 
     def _arrays(self) -> tuple[FloatArray, ...]:
