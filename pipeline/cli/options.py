@@ -152,6 +152,15 @@ class RecordingOptions:
         return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
 
 
+def _limit_memory(text: str | None) -> str | None:
+    """Begins to watch over memory where a limit is given."""
+    if text is not None:
+        from wiclosure.pipeline.runtime.memory_limit import MemoryLimit, bytes_of
+
+        MemoryLimit(bytes_of(text))
+    return text
+
+
 @dataclass(frozen=True, slots=True)
 class Working:
     """How the work is done and shown."""
@@ -165,6 +174,16 @@ class Working:
             help="number of processes: one per robot for odometry, further ones read scans ahead; then registrations",
         ),
     ] = 1
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            "--memory",
+            metavar="LIMIT",
+            callback=_limit_memory,
+            help="stop with a sentence when all processes together take more, as 8GB or 75%",
+            show_default=False,
+        ),
+    ] = None
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False
     quiet: Quiet = False
     as_json: AsJson = False
