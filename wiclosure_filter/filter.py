@@ -26,7 +26,7 @@ from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
-from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
+from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
@@ -135,7 +135,11 @@ class WiClosureFilter:
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
         for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
             alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
-        mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
+        orders = NameOrders.of(alignments, trajectories, wireless, settings)
+        mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
+        for pair, alignment in list(alignments.items()):
+            if objection and not alignment.ambiguous:
+                alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
         for pair, alignment in list(alignments.items()):
             strained = alignment.strain_probability < STRAINED
             if mixed_up is None and not alignment.suspected_fault and not strained:
