@@ -11,6 +11,8 @@ from wiclosure.backends.alignment import ClosureComparison, ConsistentSet
 from wiclosure.types import FloatArray
 
 SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
+# of both paths, by three closures at any places of them, in 99 of 100: (3 s^2 - 2 s^3)^2 = 0.01; less is one place
+LEAST_COVERAGE = 0.195
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
 
 
@@ -27,7 +29,7 @@ class CandidateSet:
         rows: closures, of all.
         closure_set, comparison: from `alignment`.
         objection: why the pair alone does not settle it; empty if it does.
-        extent: of the closures' ends along either path, by how far apart scans still match.
+        coverage: share of both paths that the closures' ends span.
         support, contradiction: of cycles over third groups.
     """
 
@@ -37,7 +39,7 @@ class CandidateSet:
     closure_set: ConsistentSet
     comparison: ClosureComparison
     objection: str = ""
-    extent: float = 1.0
+    coverage: float = 1.0
     support: float = 0.0
     contradiction: float = 0.0
     refutation: str = ""
@@ -54,8 +56,8 @@ class CandidateSet:
 
     @property
     def weight(self) -> float:
-        """What it counts for against others: closures, half as much where they all see one place."""
-        return min(len(self), SATURATED) * 0.5 * (1.0 + min(self.extent, 1.0))
+        """What it counts for against others: its closures, by the share of the paths that they span."""
+        return min(len(self), SATURATED) * max(self.coverage, LEAST_COVERAGE)
 
     @property
     def strength(self) -> float:

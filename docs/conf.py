@@ -15,11 +15,8 @@ smartquotes = False  # `--option` stays as it is
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 nitpicky = True
-# Nothing is looked up in other projects' sites, and settings have pages of their own.
-nitpick_ignore_regex = [
-    ("py:.*", r"(annotated_types|collections|gtsam|numpy|pathlib|pydantic|types|typing)\..*"),
-    ("py:class", r"wiclosure\.\w+\..*|\w+Array|TypeAliasForwardRef"),
-]
+# Types of other projects are not looked up in their sites, and settings have pages of their own.
+nitpick_ignore_regex = [("py:class", r"(?!wiclosure\.\w+$).*")]
 
 autodoc_type_aliases = {name: name for name in ("FloatArray", "Float32Array", "IntArray", "BoolArray", "ArrayLike")}
 autodoc_typehints_format = "short"

@@ -186,7 +186,13 @@ class RegistrationSettings(Settings):
 class IntraRobotLoopSettings(Settings):
     """Loop closures within one robot's own trajectory."""
 
-    enabled: bool = Field(False, description="whether they are looked for")
+    enabled: bool = Field(True, description="whether they are looked for")
+    keyframes_per_loop: float = Field(
+        10.0,
+        gt=0,
+        description="keyframes of a robot for each loop that is registered at most: so the time that they take is a"
+        " fixed share of that of odometry; more are thinned out evenly along the path",
+    )
     min_travel_m: float = Field(30.0, gt=0, description="m travelled between two visits; less is no loop worth closing")
     radius_m: float = Field(10.0, gt=0, description="m within which two visits can be registered")
     gate_probability: float = Field(

@@ -11,6 +11,7 @@ from wiclosure.frontends.config import IntraRobotLoopSettings
 from wiclosure.types import CandidatePairs, FloatArray, IntArray, PredictionKind, Trajectory
 
 _ROWS_AT_ONCE = 256
+MOST_KEYFRAMES = 4000  # of a robot that are compared with each other; of more, every second, third ...
 
 
 class OdometryPredictor:
@@ -31,11 +32,12 @@ class OdometryPredictor:
 def intra_robot_loops(keyframes: Trajectory, settings: IntraRobotLoopSettings) -> CandidatePairs:
     """Pairs of keyframes between which the robot travelled far enough, and which odometry cannot tell to be far apart.
 
-    The later keyframe is `index_b`.
+    The later keyframe is `index_b`.  The work does not grow beyond that for `MOST_KEYFRAMES`.
     """
+    chosen = np.arange(0, len(keyframes), -(-len(keyframes) // MOST_KEYFRAMES))
     kept = [
-        _near(keyframes, np.arange(start, min(start + _ROWS_AT_ONCE, len(keyframes))), settings)
-        for start in range(0, len(keyframes), _ROWS_AT_ONCE)
+        _near(keyframes, chosen[start : start + _ROWS_AT_ONCE], chosen, settings)
+        for start in range(0, len(chosen), _ROWS_AT_ONCE)
     ]
     index_a, index_b = (np.concatenate([pair[side] for pair in kept]) for side in (0, 1))
     unknown = np.full(len(index_a), np.nan)
@@ -43,12 +45,14 @@ def intra_robot_loops(keyframes: Trajectory, settings: IntraRobotLoopSettings) -
     return CandidatePairs(robot, robot, index_a, index_b, unknown, unknown, OdometryPredictor(keyframes))
 
 
-def _near(keyframes: Trajectory, rows: IntArray, settings: IntraRobotLoopSettings) -> tuple[IntArray, IntArray]:
-    travelled = keyframes.distance[None, :] - keyframes.distance[rows, None]
+def _near(
+    keyframes: Trajectory, rows: IntArray, chosen: IntArray, settings: IntraRobotLoopSettings
+) -> tuple[IntArray, IntArray]:
+    travelled = keyframes.distance[None, chosen] - keyframes.distance[rows, None]
     a, b = np.nonzero(travelled >= settings.min_travel_m)
-    a = rows[a]
+    a, b = rows[a], chosen[b]
     apart_m = np.linalg.norm(keyframes.positions[a] - keyframes.positions[b], axis=1)
-    variance = keyframes.relative_covariance(a, b)[:, 3:, 3:].trace(axis1=1, axis2=2)
+    variance = keyframes.translation_variance_between(a, b)
     gate = np.sqrt(stats.chi2.ppf(settings.gate_probability, df=3))
     near = apart_m <= settings.radius_m + gate * np.sqrt(variance)
     return a[near], b[near]

@@ -200,6 +200,7 @@ def _remoteness(pairs: CandidatePairs, rows: IntArray) -> FloatArray:
 
 def _propose(pairs: CandidatePairs, rows: IntArray, distance: FloatArray, yaw: FloatArray) -> tuple[Closure, ...]:
     predictions = _predictions(pairs, rows)
+    source = "odometry" if pairs.robot_a == pairs.robot_b else "radio"
     probability = pairs.overlap_probability[rows].tolist()
     return tuple(
         Closure(
@@ -208,7 +209,7 @@ def _propose(pairs: CandidatePairs, rows: IntArray, distance: FloatArray, yaw: F
             prediction=predictions[k],
             scan_context=ScanContextMatch(float(distance[k]), float(yaw[k])),
             overlap_probability=None if np.isnan(probability[k]) else probability[k],
-            reason="looks alike" if predictions[k] is None else "predicted by the radio",
+            reason="looks alike" if predictions[k] is None else f"predicted by the {source}",
         )
         for k, row in enumerate(rows)
     )

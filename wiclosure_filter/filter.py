@@ -27,6 +27,7 @@ from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyChe
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
 from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
@@ -34,7 +35,6 @@ from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_ove
 from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
 from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
 from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
 from wiclosure.workers import ThisProcess, Workers
 

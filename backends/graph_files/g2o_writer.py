@@ -113,7 +113,7 @@ def _without_edges(result: GraphResult) -> Iterator[str]:
     factors = map(result.graph.at, range(result.graph.size()))
     count = sum(not isinstance(f, _WRITTEN) for f in factors)
     if count:
-        yield f"# {count} ranges and bearings, and what holds frames level, are not here: g2o has no edges for them"
+        yield f"# {count} ranges and bearings, and what gravity tells, are not in this file: g2o has no edges for them"
 
 
 def _earth(result: GraphResult, numbers: Mapping[str, np.ndarray]) -> Iterator[str]:

@@ -110,4 +110,6 @@ def _time(imu: ImuLog, rows: BoolArray) -> str:
 def contradicts(given: FloatArray, found: FloatArray, sigma_rad: FloatArray) -> float:
     """Angle, rad, between two rotations `(3, 3)`, where it is more than the second is unsure of; else 0."""
     angle = float(np.arccos(np.clip((np.trace(given.T @ found) - 1.0) / 2.0, -1.0, 1.0)))
+    if not np.isfinite(sigma_rad).all():
+        return 0.0
     return angle if angle > max(np.radians(5.0), 4.0 * float(np.linalg.norm(sigma_rad))) else 0.0

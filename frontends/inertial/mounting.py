@@ -73,7 +73,7 @@ class _Problem:
     def of(cls, rates: TurningRates, windows: Windows) -> _Problem:
         """Noise as it scatters about the best rotation by rates alone."""
         rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), MOST_STEPS)).astype(int))
-        rates = TurningRates(rates.odometry[rows], rates.imu[rows], rates.seconds[rows])
+        rates = TurningRates(rates.odometry[rows], rates.imu[rows], rates.seconds[rows], rates.step[rows])
         R = _by_rates(rates)
         off = rates.odometry - rates.imu @ R.T
         sigma_rate = MAD_TO_SIGMA * float(np.median(np.abs(off - np.median(off, axis=0)))) + 1e-4
@@ -106,10 +106,23 @@ class _Problem:
             problem = _Problem(
                 self.rates, self.force, self.acceleration, self.nuisance, self.sigma_rate, sigma_force=left
             )
-        J = np.asarray(found.jac)
-        covariance = np.linalg.pinv(J.T @ J)
+        sigma_rad = _sigmas(np.asarray(found.jac), len(self.rates) + len(self.force))
         scatter = float(np.sum(np.log1p(self._changes(R, x[6:]) ** 2)))
-        return scatter, R, np.sqrt(np.diag(covariance)[:3])
+        return scatter, R, sigma_rad
+
+
+def _sigmas(J: FloatArray, vectors: int) -> FloatArray:
+    """Standard deviations `(3,)` of the rotation, rad, nuisances taken out; infinite where it is not observable.
+
+    Vectors that are nothing but noise seem to tell a rotation, each with an information of 2 about every axis: the
+    noise is in what is turned.  So much is taken off.
+    """
+    information = J.T @ J
+    nuisance = information[:3, 3:] @ np.linalg.solve(information[3:, 3:], information[3:, :3])
+    told = information[:3, :3] - nuisance - 2.0 * vectors * np.eye(3)
+    if np.linalg.eigvalsh(told)[0] <= 0.0:
+        return np.full(3, np.inf)
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(told))))
 
 
 def _by_rates(rates: TurningRates) -> FloatArray:

@@ -166,18 +166,17 @@ def _compared(plan: Plan, folder: Path, working: Working, viewers: Viewers) -> C
 
 
 def _show(compared: Comparison, folder: Path, working: Working) -> None:
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.comparison_tables import comparison_table, starts_table
     from wiclosure.pipeline.comparison.starts import has_truth
     from wiclosure.pipeline.comparison.tables import comparison_json
+    from wiclosure.pipeline.report.terminal import show
 
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:
-        Console().print(comparison_table(compared))
+        show(comparison_table(compared))
         if not has_truth(compared):
-            Console().print(starts_table(compared))
+            show(starts_table(compared))
         for remark in compared.plan.remarks:
-            Console().print(remark)
-        Console().print(f"merged maps, tables and pictures in {folder}")
+            show(remark)
+        show(f"merged maps, tables and pictures in {folder}")

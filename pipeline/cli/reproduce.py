@@ -73,13 +73,12 @@ def reproduce(
 
 def _show(chosen: Experiment, compared: Comparison, folder: Path) -> None:
     """Tables and sentences for the terminal."""
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.comparison_tables import reproduction_table
     from wiclosure.pipeline.comparison.reproduction import tables, verdicts
+    from wiclosure.pipeline.report.terminal import show
 
     for preset, (header, rows) in tables(chosen, compared).items():
-        Console().print(reproduction_table(f"{chosen.title}; back end {preset}", header, rows))
+        show(reproduction_table(f"{chosen.title}; back end {preset}", header, rows))
     for sentence in (*verdicts(compared), *chosen.contradictions):
-        Console().print(f"- {sentence}")
-    Console().print(f"report, tables and pictures in {folder}")
+        show(f"- {sentence}")
+    show(f"report, tables and pictures in {folder}")

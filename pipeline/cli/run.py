@@ -54,11 +54,10 @@ def run(
 
       wiclosure run alpha=a.bag beta=b_bag/ --wireless radio.jsonl --filter none --out results/unfiltered
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.report import illustrations, tables
     from wiclosure.pipeline.report.html.report import write_run_report
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.processes import local_workers
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
@@ -85,8 +84,8 @@ def run(
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:
-        Console().print(tables.run_table(found.metrics))
-        Console().print(f"results in {folder}")
+        show(tables.run_table(found.metrics))
+        show(f"results in {folder}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +155,10 @@ def filter_command(
 
       wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
     """
-    from rich.console import Console
-
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
@@ -172,7 +170,7 @@ def filter_command(
     if showing.as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not showing.quiet:
-        Console().print(filter_table(result))
+        show(filter_table(result))
 
 
 def eval_command(
@@ -180,10 +178,9 @@ def eval_command(
     as_json: AsJson = False,
 ) -> None:
     """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
-    from rich.console import Console
-
     from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories
     from wiclosure.pipeline.report.tables import trajectory_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.stages.run_folder import read_evaluation_settings, read_metrics, read_trajectories
 
     components = [component["robots"] for component in read_metrics(folder)["components"]]
@@ -193,7 +190,7 @@ def eval_command(
     if as_json:
         typer.echo(json.dumps(errors, indent=2))
     else:
-        Console().print(trajectory_table(errors))
+        show(trajectory_table(errors))
 
 
 def dump_config_command(

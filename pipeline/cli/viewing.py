@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -71,9 +71,9 @@ class Viewing:
         Raises:
             ProcessError: the viewer does not start.
         """
-        if not (self.visualise or self.save_rrd):
-            yield Viewers()
-            return
+        from wiclosure.pipeline.report.terminal import moves_cursor
+
+        lines = not quiet and not moves_cursor()
         with ExitStack() as stack:
             window = stack.enter_context(_window(wait=not quiet)) if self.visualise else None
             if window is not None and window.page is not None:
@@ -81,16 +81,16 @@ class Viewing:
             file = self.save_rrd
             if file is not None and file.resolve().is_relative_to(folder.resolve()):
                 file = scratch / file.resolve().relative_to(folder.resolve())
-            yield Viewers(file, window)
+            yield Viewers(file, window, lines=lines)
 
 
 @dataclass(frozen=True, eq=False)
 class Viewers:
-    """Opens a recording for each run."""
+    """What shows each run: a recording in the viewer, and lines where there are no bars."""
 
     file: Path | None = None
     window: Window | None = None
-    _names: list[str] = field(default_factory=list)
+    lines: bool = False
 
     @contextmanager
     def of(self, name: str, *, several: bool = False) -> Iterator[Viewer]:
@@ -99,22 +99,28 @@ class Viewers:
         Raises:
             OutputError: the file cannot be written.
         """
-        if self.file is None and self.window is None:
-            from wiclosure.pipeline.stages.viewer import NoViewer
+        from wiclosure.pipeline.report.stage_lines import StageLines
+        from wiclosure.pipeline.stages.viewer import NoViewer, Together
 
-            yield NoViewer()
-            return
+        said = StageLines(name if several else "") if self.lines else NoViewer()
+        with ExitStack() as stack:
+            yield (
+                said
+                if self.file is None and self.window is None
+                else Together([said, self._recording(name, several, stack)])
+            )
+
+    def _recording(self, name: str, several: bool, stack: ExitStack) -> Viewer:
         from wiclosure.pipeline.report.viewer import RerunViewer
         from wiclosure.pipeline.runtime.output import whole_file
 
-        with ExitStack() as stack:
-            file = self.file
-            if file is not None and several:
-                file = file.with_stem(f"{file.stem}-{name}")
-            scratch = stack.enter_context(whole_file(file)) if file is not None else None
-            viewer = RerunViewer(name, file=scratch, address=self.window.address if self.window else None)
-            stack.callback(viewer.close)
-            yield viewer
+        file = self.file
+        if file is not None and several:
+            file = file.with_stem(f"{file.stem}-{name}")
+        scratch = stack.enter_context(whole_file(file)) if file is not None else None
+        viewer = RerunViewer(name, file=scratch, address=self.window.address if self.window else None)
+        stack.callback(viewer.close)
+        return viewer
 
 
 @contextmanager

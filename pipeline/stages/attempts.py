@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
+from wiclosure.frontends.config import MatchingSettings
 from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
 from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.matching import MatchResult, match
@@ -92,8 +93,8 @@ class Attempts:
         self.filter_s.append(filtered.seconds)
         self.viewer.candidates(filtered)
         revisits = self.config.revisits
-        own = [intra_robot_loops(k, revisits) for k in self.keyframes.values()] if revisits.enabled else []
         with self.took.time("matching"):
+            own = [intra_robot_loops(k, revisits) for k in self.keyframes.values()] if revisits.enabled else []
             matched = _match((*filtered.pairs, *own), self.fronts, self.config)
         proposed = [closure for result in matched for closure in result.closures]
         self.viewer.closures(proposed)
@@ -162,8 +163,16 @@ def _match(
             pairs,
             fronts[pairs.robot_a].descriptors,
             fronts[pairs.robot_b].descriptors,
-            config.matching,
+            _settings_for(pairs, fronts, config),
             shifted[pairs.robot_a],
         )
         for pairs in candidates
     )
+
+
+def _settings_for(pairs: CandidatePairs, fronts: Mapping[str, FrontEndResult], config: Config) -> MatchingSettings:
+    """Loops within one robot have a budget of their own, by the length of its path."""
+    if pairs.robot_a != pairs.robot_b:
+        return config.matching
+    own = max(1, round(len(fronts[pairs.robot_a].keyframes) / config.revisits.keyframes_per_loop))
+    return config.matching.model_copy(update={"budget": min(own, config.matching.budget or own)})

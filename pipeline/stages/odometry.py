@@ -109,6 +109,8 @@ def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[
         sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
     if counts.scans < len(robot.scans):
         sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
+    if slipped := result.slips.sentence(int(result.odometry.stamps_ns[0])):
+        sentences.append(slipped)
     return (*robot.remarks, *(f"{robot.robot}: {sentence}" for sentence in sentences))
 
 

@@ -16,11 +16,11 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
+from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.earth import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
@@ -158,19 +158,19 @@ def run_stages(
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
+    gravity_s = prepared.grounding.seconds
+    spent = {"gravity": 0.0 if prepared.shared else gravity_s} | solution.seconds_spent
     costs: CostMetrics = {
-        "seconds": _stages(
-            prepared.fronts.values(), {"gravity": prepared.grounding.seconds} | solution.seconds, mapping_s
-        ),
-        "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
+        "seconds": _stages(prepared.fronts.values(), {"gravity": gravity_s} | solution.seconds, mapping_s),
+        "seconds_spent": _stages(paid, spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
-    if prepared.cluster is not None and (spent := prepared.cluster.costs) is not None:
+    if prepared.cluster is not None and (work := prepared.cluster.costs) is not None:
         costs["workers"] = {
-            "used": len(spent.workers),
-            "retries": spent.retries,
-            "bytes_moved": spent.bytes_moved,
+            "used": len(work.workers),
+            "retries": work.retries,
+            "bytes_moved": work.bytes_moved,
         }
     return costs
 
@@ -207,6 +207,4 @@ def _about_inputs(prepared: Prepared) -> list[str]:
         sentences.append(
             f"odometry of {', '.join(prepared.from_cache)} was taken from the cache; its seconds are those it took then"
         )
-    if len(inputs.robots) == 1 and not prepared.config.revisits.enabled:
-        sentences.append("there is one robot only, so there is nothing to merge: its map is that of plain odometry")
     return sentences

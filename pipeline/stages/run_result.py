@@ -9,13 +9,13 @@ import numpy as np
 
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.merged_map import MergedMap
-from wiclosure.display import closure_columns, data_frame, html_table
+from wiclosure.display import closure_columns, data_frame, html_table, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics
-from wiclosure.pipeline.stages.earth import Grounding
+from wiclosure.pipeline.grounding.grounding import Grounding
 from wiclosure.types import Closure, FilterResult, Trajectory
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class RunResult:
             ("not connected", " and ".join(self.solution.graph.unconnected)),
             ("candidate pairs", f"{metrics['pairs_kept']:,} of {metrics['pairs_total']:,} kept"),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
-            ("team ATE", "" if team_m is None else f"{team_m:.3f} m"),
+            ("team ATE", "" if team_m is None else f"{significant(team_m)} m"),
             ("seconds", f"{metrics['seconds']['total']:.1f}"),
             *(("remark", sentence) for sentence in metrics["diagnosis"]),
         ]

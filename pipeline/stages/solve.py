@@ -64,6 +64,8 @@ def solve(
             *filtered.diagnosis,
             *(one.sentence for one in checks if one.sentence),
             *_nothing_left(filtered, attempt.matched, graph.closures),
+            *_own_loops(graph.closures),
+            *_nothing_to_merge(fronts, graph.closures),
             *consistent.diagnosis,
             *graph.diagnosis,
         ),
@@ -82,6 +84,28 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
     sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures if c.query.robot != c.match.robot}
     return trajectories + int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
+
+
+def _own_loops(closures: Sequence[Closure]) -> tuple[str, ...]:
+    """A sentence for each robot that came back to where it had been."""
+    own: dict[str, list[Closure]] = {}
+    for closure in closures:
+        if closure.query.robot == closure.match.robot:
+            own.setdefault(closure.query.robot, []).append(closure)
+    return tuple(
+        f"{robot}: of {len(found)} proposed loops within its own path {len(survivors(found, Stage.REGISTRATION))} were"
+        f" registered and {len(survivors(found, Stage.ESTIMATE))} accepted"
+        for robot, found in own.items()
+    )
+
+
+def _nothing_to_merge(fronts: Mapping[str, FrontEndResult], closures: Sequence[Closure]) -> tuple[str, ...]:
+    if len(fronts) > 1 or survivors(closures, Stage.ESTIMATE):
+        return ()
+    return (
+        "there is one robot only and no loop within its path, so there is nothing to merge: its map is that of plain"
+        " odometry",
+    )
 
 
 def _nothing_left(

@@ -88,6 +88,15 @@ class AccumulatedDrift:
             variance += np.sum(((self.bias[j, :3] - self.bias[i, :3]) * self.bias_sigma) ** 2, axis=(1, 2))
         return np.asarray(variance)
 
+    def translation_variance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Variances `(M,)` of the translation of `T_i_j`, summed over the axes."""
+        if self.bias is not None:
+            return np.asarray(self.covariance(T_odom_body, i, j)[:, 3:, 3:].trace(axis1=1, axis2=2))
+        sums, position = np.where(i <= j, 1.0, -1.0)[:, None] * (self.walk[j] - self.walk[i]), T_odom_body[j, :3, 3]
+        squares = sums[:, 4] + sums[:, 7] + sums[:, 9]  # xx, yy and zz of the upper triangle
+        across = np.einsum("mk,mk->m", position, sums[:, 0, None] * position - 2.0 * sums[:, 1:4])
+        return np.asarray(np.maximum(2.0 * (squares + across), 0.0) + 3.0 * sums[:, 10])
+
     def covariance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
         """Covariances `(M, 6, 6)` of `T_i_j`, as errors in frame j."""
         return se3.rotate_covariance(se3.adjoint(se3.inverse(T_odom_body[j])), self.between(i, j))
@@ -136,6 +145,12 @@ class AccumulatedSteps:
         """Traces `(M,)` of the rotation block of the same covariances."""
         trace = np.trace(self.sums[:, :3, :3], axis1=1, axis2=2)
         return np.asarray(trace[i] + trace[j] - 2 * trace[self._fork(i, j)])
+
+    def translation_variance(self, T_odom_body: FloatArray, i: np.ndarray, j: np.ndarray) -> FloatArray:
+        """Variances `(M,)` of the translation of `T_i_j`, summed over the axes."""
+        C, lever = self.between(i, j), se3.skew(T_odom_body[j, :3, 3])
+        turned = lever @ C[:, :3, :3] @ np.swapaxes(lever, 1, 2) - 2.0 * lever @ C[:, :3, 3:]
+        return np.asarray(np.trace(C[:, 3:, 3:] + turned, axis1=1, axis2=2))
 
     def _fork(self, i: np.ndarray, j: np.ndarray) -> IntArray:
         """The last pose `(M,)` that the ways from the first pose to i and to j share."""

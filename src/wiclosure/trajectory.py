@@ -190,6 +190,10 @@ class Trajectory:
         """Traces `(M,)` of the rotation block of the same covariances, at a fraction of the cost."""
         return self._accumulated_drift.rotation_variance(np.asarray(i), np.asarray(j))
 
+    def translation_variance_between(self, i: IntArray, j: IntArray) -> FloatArray:
+        """Traces `(M,)` of the translation block of the same covariances, likewise."""
+        return self._accumulated_drift.translation_variance(self.poses, np.asarray(i), np.asarray(j))
+
 
 def require_own_names(trajectories: Mapping[str, Trajectory]) -> None:
     """Fails where a trajectory stands under another robot's name.

@@ -96,5 +96,5 @@ def test_the_frame_is_where_the_second_group_lies_in_the_first(groups):
 def test_more_closures_and_more_places_weigh_more(groups):
     few, many = groups.candidate(0, 1, 2), groups.candidate(0, 1, 5)
     assert few.weight < many.weight
-    many.extent = 0.0
+    many.coverage = 0.3
     assert many.weight < groups.candidate(0, 1, 5).weight

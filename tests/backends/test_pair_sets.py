@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
+from wiclosure.backends.candidate_sets import LEAST_COVERAGE
 from wiclosure.backends.edges import Edges
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
@@ -47,8 +48,7 @@ def team(ends, *, robots=2, seed=0, shift=(), predicted=()):
 def sets(ends, **changes):
     robots, estimate, _ = team(ends, **changes)
     group = np.arange(2)
-    places = places_of_groups(robots, group, estimate)
-    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, places, SETTINGS)
+    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, SETTINGS)
 
 
 def spread(count, seed=0):
@@ -85,7 +85,7 @@ def test_closures_of_one_place_are_doubted_unless_predicted():
     ends = [(0, 10 + n, 1, 20 + n) for n in range(4)]
     (alone,), (told,) = sets(ends, shift=range(4)), sets(ends, shift=range(4), predicted=[2])
     assert len(alone) == len(told) == 4
-    assert alone.extent < 1.0
+    assert alone.coverage < LEAST_COVERAGE
     assert "look-alike" in alone.objection
     assert told.objection == ""
 
@@ -105,8 +105,7 @@ def test_a_single_closure_cannot_be_checked():
 
 def test_rows_are_those_of_all_closures():
     robots, estimate, _ = team([(0, 1, 0, 30), *spread(5)])
-    places = places_of_groups(robots, np.arange(2), estimate)
-    (found,) = sets_between(robots, np.arange(1, 6), np.arange(2), estimate, places, SETTINGS)
+    (found,) = sets_between(robots, np.arange(1, 6), np.arange(2), estimate, SETTINGS)
     assert found.rows.tolist() == [1, 2, 3, 4, 5]
 
 

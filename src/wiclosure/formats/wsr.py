@@ -6,7 +6,6 @@ says nothing in runs of planar displacement.  The files carry no time: the calle
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,10 @@ from typing import Any
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import read_json
 from wiclosure.types import AoaPath, FloatArray, WirelessLog, WirelessMeasurement
+
+_LARGEST_RAD = 4 * math.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +90,9 @@ def read_wsr_profiles(path: Path | str) -> tuple[WsrProfile, ...]:
         InputError: the file cannot be read or is not a WSR result; names the file and the trial.
     """
     try:
-        trials = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read the WSR results {path}: {error.strerror}; check the path") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({type(error).__name__}); expected a WSR-Toolbox result") from error
+        trials = read_json(Path(path))
+    except InputError as error:
+        raise InputError(f"{error}; expected a WSR-Toolbox result") from error
     if not isinstance(trials, dict):
         raise InputError(f"{path} is not a WSR-Toolbox result: expected an object of trials")
     profiles: list[WsrProfile] = []
@@ -181,6 +181,8 @@ def _profile(trial: str, record: Mapping[str, Any]) -> WsrProfile:
     variance, true_azimuth = float(found["Profile_variance"]), transmitter.get("groundtruth_azimuth")
     if not (math.isfinite(variance) and np.isfinite(azimuth).all() and np.isfinite(polar).all()):
         raise ValueError("a number is not finite")
+    if np.abs(azimuth).max(initial=0.0) > _LARGEST_RAD or np.abs(polar).max(initial=0.0) > _LARGEST_RAD:
+        raise ValueError("an angle beyond two turns")
     planar = receiver.get("displacement_type") == "2D"
     return WsrProfile(
         trial=trial,

@@ -9,8 +9,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, AoaPath, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks

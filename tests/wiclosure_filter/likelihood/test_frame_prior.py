@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.shared.frame_prior import UNKNOWN_M, UNKNOWN_RAD, FramePrior
+from wiclosure.wiclosure_filter.likelihood.frame_prior import UNKNOWN_M, UNKNOWN_RAD, FramePrior
 
 
 def test_level_frames_lean_by_gravity_of_both() -> None:
