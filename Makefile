@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help setup test test-slow lint demo docs bench browser report-bundle package clean
+.PHONY: help setup test test-slow lint demo docs bench browser report-bundle package release-check clean
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -47,6 +47,9 @@ report-bundle: ## build what draws the report's page again (needs node)
 
 package: setup ## wheel and sdist into dist/
 	$(BIN)/python -m build --outdir dist .
+
+release-check: ## build, install the wheel into an empty environment, run the demo from it
+	@scripts/release-check
 
 clean: ## remove what was made, also .venv
 	rm -rf $(VENV) build dist results src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.edges import DEGREES, mahalanobis_squared
+from wiclosure.backends.edges import degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.normal_matrix import DEGREES
 from wiclosure.types import FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
@@ -51,6 +52,11 @@ class Claims:
     def frames(self) -> FloatArray:
         """`T_A_B (N, 4, 4)` as each closure has it."""
         return np.asarray(self.T_A_a @ self.T_a_b @ se3.inverse(self.T_B_b))
+
+    @cached_property
+    def degrees(self) -> int:
+        """Of freedom of the differences between frames."""
+        return degrees_of_freedom(self.frames)
 
     @cached_property
     def noise(self) -> FloatArray:
@@ -114,7 +120,7 @@ class Claims:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
 
 
-def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float:
+def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees: int = DEGREES) -> float:
     """Probability that two unrelated closures lie within `limit` of each other.
 
     The share of recombined pairs that do; where they are too few to count, the share within the distance of the
@@ -124,6 +130,7 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float
         distances: sorted, from `Claims.chance_distances`.
         limit: squared distance.
         closures: how many the recombined ones are made of: pairs are no more independent than these allow.
+        degrees: of freedom.
     """
     if not len(distances):
         return 1.0
@@ -133,4 +140,4 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float
     nearest = min(nearest, len(distances))
     if rank >= nearest:
         return min(1.0, rank / len(distances))
-    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** 3))
+    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** (degrees / 2)))

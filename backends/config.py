@@ -145,10 +145,10 @@ class PoseGraphSettings(Settings):
             )
         return self
 
-    def inlier_limit(self, closures: int) -> float:
+    def inlier_limit(self, closures: int, degrees: int = 6) -> float:
         """Squared distance, by stated covariances, up to which one of so many closures is an inlier."""
         share = self.probability ** (1.0 / max(closures, 1))
-        return float(chi2.ppf(share, 6)) * self.sigma_scale**2
+        return float(chi2.ppf(share, degrees)) * self.sigma_scale**2
 
     def scaled(self, factor: float) -> Self:
         """With `sigma_scale` larger by a factor, as `PcmResult.scale` asks for."""
@@ -159,6 +159,11 @@ class MapSettings(Settings):
     """The merged map."""
 
     voxel_size_m: float = Field(0.2, gt=0, description="m; one point per voxel: fine enough for poles and kerbs")
+    moving_objects: bool = Field(
+        True,
+        description="false: points that scans a little earlier and later looked through are left out, as those of cars"
+        " and people; takes about as long as odometry",
+    )
     occupancy_cell_m: float = Field(
         0.25, gt=0, description="m a pixel of the occupancy image; wider where it would be huge"
     )

@@ -1,25 +1,24 @@
 """Relative pose measurements as arrays, their least squares, and what their noise does to the estimate.
 
-Everything here is vectorised over the edges; the sparse normal equations are factorised by SuperLU.
+Everything here is vectorised over the edges; the sparse normal equations are solved by `normal_matrix`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
 
 from wiclosure import se3
+from wiclosure.backends.normal_matrix import DEGREES, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 30  # of Gauss-Newton; damped
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 MOST_DAMPED = 1e8
-HELD = 1e12  # information of a pose that is held
-DEGREES = 6  # of freedom of a pose
+IN_PLANE = 1e-6  # rad, m: by rounding
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 
 
@@ -64,6 +63,15 @@ class Edges:
         return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
 
 
+def degrees_of_freedom(*transforms: FloatArray) -> int:
+    """3 where all transforms `(..., 4, 4)` stay in the plane, else 6: residuals of planar graphs have no others."""
+    planar = (
+        np.abs(T[..., 2, :2]).max(initial=0.0) < IN_PLANE and np.abs(T[..., 2, 3]).max(initial=0.0) < IN_PLANE
+        for T in transforms
+    )
+    return 3 if all(planar) else DEGREES
+
+
 def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """`e^T Sigma^-1 e` for stacks `(M, 6)` and `(M, 6, 6)`."""
     return np.asarray(np.einsum("mi,mi->m", error, np.linalg.solve(covariance, error[..., None])[..., 0]))
@@ -89,9 +97,18 @@ class System:
         """Covariances are inverted once."""
         return cls(edges, size, np.asarray(held), whiteners(edges.covariance))
 
+    def subset(self, rows: BoolArray) -> System:
+        """Of the edges at `rows`."""
+        return self if rows.all() else System(self.edges.subset(rows), self.size, self.held, self.W[rows])
+
+    @cached_property
+    def normal(self) -> NormalMatrix:
+        """Where the normal matrix is not zero, and in what order it is eliminated."""
+        return NormalMatrix.of(self.edges.first, self.edges.second, self.size)
+
     def residuals(self, poses: FloatArray) -> FloatArray:
         """Whitened errors `(M, 6)`."""
-        return np.asarray(np.einsum("mij,mj->mi", self.W, self.edges.errors(poses)))
+        return np.asarray((self.W @ self.edges.errors(poses)[..., None])[..., 0])
 
     def chi_squares(self, poses: FloatArray) -> FloatArray:
         """Squared Mahalanobis distances `(M,)`."""
@@ -104,36 +121,27 @@ class System:
         by_second = self.W @ _inverse_right_jacobian(error)
         return -by_second @ se3.adjoint(se3.inverse(T_first_second)), by_second
 
-    def factorised(self, jacobians: tuple[FloatArray, FloatArray], weights: FloatArray, damping: float) -> SuperLU:
-        """The normal matrix with edges weighted `(M,)`."""
-        A, B = jacobians
-        wA, wB = weights[:, None, None] * A, weights[:, None, None] * B
-        At, Bt = np.swapaxes(A, 1, 2), np.swapaxes(B, 1, 2)
-        i, j = self.edges.first, self.edges.second
-        rows, columns = np.concatenate([i, i, j, j]), np.concatenate([i, j, i, j])
-        H = _block_matrix(rows, columns, np.concatenate([At @ wA, At @ wB, Bt @ wA, Bt @ wB]), self.size)
-        diagonal = np.full(6 * self.size, 1e-9)
-        diagonal[(6 * self.held[:, None] + np.arange(6)).ravel()] = HELD
-        H = H + sp.diags(diagonal + damping * H.diagonal())
-        return splu(H.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
-        """`J^T r` `(6 N, ...)` for weighted residuals `(M, 6, ...)`."""
-        A, B = jacobians
-        found = np.zeros((self.size, *residuals.shape[1:]))
-        np.add.at(found, self.edges.first, np.einsum("mji,mj...->mi...", A, residuals))
-        np.add.at(found, self.edges.second, np.einsum("mji,mj...->mi...", B, residuals))
-        return found.reshape(6 * self.size, *residuals.shape[2:])
+        """`J^T r` `(N, 6, ...)` for weighted residuals `(M, 6, ...)`."""
+        columns = residuals if residuals.ndim == 3 else residuals[..., None]
+        at_first, at_second = (np.swapaxes(J, 1, 2) @ columns for J in jacobians)
+        return self.normal.gathered(at_first, at_second).reshape(self.size, *residuals.shape[1:])
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
-        """Levenberg-Marquardt from the poses `(N, 4, 4)`."""
+        """Levenberg-Marquardt from the poses `(N, 4, 4)`.
+
+        Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
+        """
         w = np.ones(len(self.edges)) if weights is None else weights
+        return self.subset(w > 0)._descended(poses, w[w > 0], steps)
+
+    def _descended(self, poses: FloatArray, w: FloatArray, steps: int) -> FloatArray:
         damping, cost = 1e-6, self._cost(poses, w)
         for _ in range(steps):
             J = self.jacobians(poses)
             gradient = self.gradient(J, w[:, None] * self.residuals(poses))
             while damping < MOST_DAMPED:
-                step = self.factorised(J, w, damping).solve(-gradient).reshape(-1, 6)
+                step = self.normal.factorised(*J, w, self.held, damping).solve(-gradient)
                 moved = poses @ se3.exp(step)
                 new_cost = self._cost(moved, w)
                 if new_cost <= cost:
@@ -149,9 +157,11 @@ class System:
 
     def perturbations(self, poses: FloatArray, weights: FloatArray, noise: FloatArray) -> FloatArray:
         """What noise of the edges does to the estimate: `(N, 6, S)` for whitened noise `(M, 6, S)`, to first order."""
-        J = self.jacobians(poses)
-        right = -self.gradient(J, weights[:, None, None] * noise)
-        return self.factorised(J, weights, 0.0).solve(right).reshape(self.size, 6, -1)
+        used = weights > 0
+        system, w = self.subset(used), weights[used]
+        J = system.jacobians(poses)
+        right = -system.gradient(J, w[:, None, None] * noise[used])
+        return system.normal.factorised(*J, w, self.held, 0.0).solve(right)
 
     def _cost(self, poses: FloatArray, weights: FloatArray) -> float:
         return float(weights @ self.chi_squares(poses))
@@ -163,16 +173,3 @@ def _inverse_right_jacobian(xi: FloatArray) -> FloatArray:
     ad[:, :3, :3] = ad[:, 3:, 3:] = se3.skew(xi[:, :3])
     ad[:, 3:, :3] = se3.skew(xi[:, 3:])
     return np.asarray(np.eye(6) + 0.5 * ad + (ad @ ad) / 12.0)
-
-
-def _block_matrix(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sp.csc_matrix:
-    """Sum of 6 x 6 blocks."""
-    if len(rows) == 0:
-        return sp.csc_matrix((6 * size, 6 * size))
-    order = np.argsort(rows * size + columns, kind="stable")
-    keys = (rows * size + columns)[order]
-    starts = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
-    summed = np.add.reduceat(blocks[order], starts, axis=0)
-    unique_rows, unique_columns = keys[starts] // size, keys[starts] % size
-    pointers = np.searchsorted(unique_rows, np.arange(size + 1))
-    return sp.bsr_matrix((summed, unique_columns, pointers), shape=(6 * size, 6 * size)).tocsc()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import gtsam
 import numpy as np
@@ -12,8 +13,13 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import Keys
+from wiclosure.display import closure_columns, data_frame, html_table, plot_paths
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, survivors
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,32 @@ class GraphResult:
     def accepted(self) -> tuple[Closure, ...]:
         """The closures in the estimate."""
         return tuple(survivors(self.closures, Stage.ESTIMATE))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        rows = [("one map", " and ".join(component)) for component in self.components]
+        rows.append(("closures", f"{len(self.accepted)} of {len(self.closures)} accepted"))
+        return html_table("pose graph", [*rows, *(("remark", sentence) for sentence in self.diagnosis)])
+
+    def plot(self, background: FloatArray | None = None) -> Figure:
+        """Paths and accepted closures from above, as a matplotlib figure; robots not connected have their own panels.
+
+        Args:
+            background: `(M, 3)` m, points to draw below, in the frame of the first component.
+        """
+        paths = {robot: path.positions for robot, path in self.trajectories.items()}
+        drawn = [c for c in self.accepted if {c.query.robot, c.match.robot} <= set(self.components[0])]
+        ends = [[paths[key.robot][key.index] for key in (c.query, c.match)] for c in drawn]
+        shape = np.array(ends, float).reshape(-1, 2, 3)
+        return plot_paths(paths, shape, apart=self.unconnected, background=background)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Every closure, one row each, with its decision and reason; see `wiclosure.display.closure_columns`.
+
+        Raises:
+            ConfigError: pandas is not installed.
+        """
+        return data_frame(closure_columns(self.closures))
 
     def residuals(self, closures: Sequence[Closure]) -> FloatArray:
         """Tangent vectors `(N, 6)` from each closure's pose to the estimate; NaN where the robots are not connected."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import networkx as nx
@@ -20,12 +21,12 @@ def joined_groups(
 ) -> tuple[IntArray, FloatArray, IntArray]:
     """New groups, poses in their frames, and the closures of the sets that joined them or agree with those."""
     best: dict[tuple[int, int], CandidateSet] = {}
-    for candidate in sorted(holding, key=lambda c: (c.support, len(c))):
+    for candidate in sorted(holding, key=lambda c: c.strength):
         best[candidate.a, candidate.b] = candidate
     graph: nx.Graph[int] = nx.Graph()
     graph.add_nodes_from(np.unique(group).tolist())
     for (a, b), candidate in best.items():
-        graph.add_edge(a, b, weight=(candidate.support + len(candidate)), candidate=candidate)
+        graph.add_edge(a, b, weight=candidate.strength, candidate=candidate)
     tree = nx.maximum_spanning_tree(graph, weight="weight")
     frames: dict[int, FloatArray] = {}
     new_group = group.copy()
@@ -41,6 +42,21 @@ def joined_groups(
     T = np.stack([frames[int(g)] for g in group[robots.robot]])
     agreeing = [c for c in best.values() if tree.has_edge(c.a, c.b) or _agrees(c, frames, limit)]
     return new_group, T @ settled.poses, np.concatenate([c.rows for c in agreeing])
+
+
+def strongest(candidates: Sequence[CandidateSet], about: float) -> list[CandidateSet]:
+    """Those that hold and are about as strong as the strongest at one of their groups: the others wait for these.
+
+    Args:
+        candidates: all sets.
+        about: share of the strength of the strongest from which a set is about as strong.
+    """
+    best: dict[int, float] = defaultdict(float)
+    holding = [c for c in candidates if c.holds]
+    for c in holding:
+        for end in (c.a, c.b):
+            best[end] = max(best[end], c.strength)
+    return [c for c in holding if c.strength >= about * min(best[c.a], best[c.b])]
 
 
 def _agrees(candidate: CandidateSet, frames: dict[int, FloatArray], limit: float) -> bool:

@@ -17,14 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.backends.config import MapSettings
+from wiclosure.colours import robot_rgb
 from wiclosure.errors import InputError
 from wiclosure.types import Float32Array, FloatArray
 
-# Okabe and Ito's palette: told apart with every kind of colour vision.
-ROBOT_COLOURS = np.array(
-    [(0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0), (240, 228, 66)],
-    dtype=np.uint8,
-)
 VOXELS_IN_MEMORY = 2_000_000  # some 130 MB
 TILE_BITS = 9  # a tile is 512 voxels wide: 100 m at 0.2 m
 AXIS_BITS = 21  # three voxel coordinates in one int64: 200 km each way at 0.2 m
@@ -80,7 +76,7 @@ class _Tiles:
     def add(self, robot: int, T_world_body: FloatArray, points: Float32Array) -> None:
         world = points[np.isfinite(points).all(axis=1)].astype(float) @ T_world_body[:3, :3].T + T_world_body[:3, 3]
         rows = np.empty((len(world), 7))  # x, y, z, red, green, blue, count
-        rows[:, :3], rows[:, 3:6], rows[:, 6] = world, ROBOT_COLOURS[robot % len(ROBOT_COLOURS)], 1.0
+        rows[:, :3], rows[:, 3:6], rows[:, 6] = world, robot_rgb(robot), 1.0
         # One cloud is thinned at once: what waits is then a few thousand voxels, not a hundred thousand points.
         keys, rows = _summed(self._keys(world), rows)
         starts = np.flatnonzero(np.diff(keys >> TILE_SHIFT, prepend=-1))

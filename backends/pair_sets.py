@@ -8,14 +8,13 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.alignment import ClosureComparison
-from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE, CandidateSet, Places
+from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, CandidateSet, Places
 from wiclosure.backends.claims import Claims
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled
 from wiclosure.types import IntArray
 
-PLACE_PAIRS = 10  # pairs of places among which two may look alike: a third of both extents is more than one
 VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
 
 
@@ -53,7 +52,7 @@ def sets_between(
     consistent_sets = comparison.consistent_sets(settings.agree_limit)
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
-        candidate.extent = _extent(robots, candidate)
+        candidate.coverage = _coverage(robots, candidate, group)
         candidate.objection = _objection(robots, candidate, group, places, settings.min_size)
     _compare_sizes(found, settings.ambiguous_share)
     return found
@@ -65,21 +64,24 @@ def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Place
     return {int(g): (settled.poses[of_node == g], settled.wander[of_node == g]) for g in np.unique(group)}
 
 
-def _extent(robots: Robots, candidate: CandidateSet) -> float:
-    """How far the closures' ends lie apart on either path, by how far apart scans still match."""
-    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
-    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
-    return _span(candidate) / max(reach, 1e-9)
-
-
 def _span(candidate: CandidateSet) -> float:
-    """The same in metres."""
+    """How far apart the closures' ends lie in space on either path, m."""
     claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
     return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
-def _covers(robots: Robots, candidate: CandidateSet, group: IntArray) -> bool:
-    """Whether the ends span much of both paths, along these: a path that winds about one field spans it anywhere."""
+def _views(robots: Robots, candidate: CandidateSet, span: float) -> float:
+    """The span by how far apart scans still match."""
+    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
+    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
+    return span / max(reach, 1e-9)
+
+
+def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray) -> float:
+    """Share of both paths between the first and the last of the closures' ends, the geometric mean of the two.
+
+    Along the paths: one that winds about a field spans it anywhere.
+    """
     nodes = robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]
     of_robot = np.concatenate([robots.robot[n] for n in nodes])
     along_m = np.concatenate([robots.along_m[n] for n in nodes])
@@ -88,7 +90,7 @@ def _covers(robots: Robots, candidate: CandidateSet, group: IntArray) -> bool:
         stretches[robot] = np.ptp(along_m[of_robot == robot])
     length_a, length_b = (float(robots.length_m[group == g].sum()) for g in (candidate.a, candidate.b))
     stretch = max(float(stretches[group == g].sum()) for g in (candidate.a, candidate.b))
-    return stretch**2 * PLACE_PAIRS >= length_a * length_b
+    return min(1.0, stretch / max(float(np.sqrt(length_a * length_b)), 1e-9))
 
 
 def _objection(robots: Robots, candidate: CandidateSet, group: IntArray, places: Places, min_size: int) -> str:
@@ -103,8 +105,8 @@ def _objection(robots: Robots, candidate: CandidateSet, group: IntArray, places:
     positions = (poses[:, :3, 3] for poses, _ in (places[candidate.a], places[candidate.b]))
     extent_a, extent_b = (float(np.linalg.norm(np.ptp(of_group, axis=0))) for of_group in positions)
     span = _span(candidate)
-    covered = span**2 * PLACE_PAIRS >= extent_a * extent_b and _covers(robots, candidate, group)
-    if candidate.extent >= 1 or covered or robots.predicted[candidate.rows].any():
+    covered = min(span / max(float(np.sqrt(extent_a * extent_b)), 1e-9), candidate.coverage) >= LEAST_COVERAGE
+    if _views(robots, candidate, span) >= 1 or covered or robots.predicted[candidate.rows].any():
         return ""
     return (
         f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wiclosure.backends.candidate_sets import CandidateSet
 from wiclosure.backends.clique import chi_square_limit, largest_clique
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
@@ -73,18 +75,21 @@ def pairwise_consistent(
     if not sets:
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
-    merged = merge_groups(team.robots, merge_settings(settings))
+    merged = merge_groups(team.robots, merge_settings(settings, team.robots.degrees))
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
     checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
-    reports = tuple(_report(closure_set, team, merged, decisions) for closure_set in sets)
+    of_pair_sets: defaultdict[tuple[int, int], list[CandidateSet]] = defaultdict(list)
+    for candidate in sorted(merged.candidates, key=len, reverse=True):
+        of_pair_sets[candidate.a, candidate.b].append(candidate)
+    reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
     return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
 
 
-def merge_settings(settings: PcmSettings) -> MergeSettings:
-    """In the merge's own terms."""
+def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
+    """In the merge's own terms, for measurements of so many degrees of freedom."""
     return MergeSettings(
-        agree_limit=chi_square_limit(settings.probability),
+        agree_limit=chi_square_limit(settings.probability, degrees),
         probability=settings.probability,
         ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,
@@ -92,16 +97,19 @@ def merge_settings(settings: PcmSettings) -> MergeSettings:
     )
 
 
+def _pair(closure_set: ClosureSet, team: TeamArrays) -> tuple[int, int]:
+    """Numbers of its robots, the lower first."""
+    one, other = (team.names.index(robot) for robot in (closure_set.robot_a, closure_set.robot_b))
+    return min(one, other), max(one, other)
+
+
 def _report(
-    closure_set: ClosureSet, team: TeamArrays, merged: MergedGroups, decisions: Mapping[int, Decision]
+    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision]
 ) -> PairConsistency:
-    """Of one pair of robots, or of one robot."""
-    a, b = sorted((team.names.index(closure_set.robot_a), team.names.index(closure_set.robot_b)))
-    own = [c for c in merged.candidates if (c.a, c.b) == (a, b)]
-    sizes = [*sorted((len(c) for c in own), reverse=True), 0, 0]
+    """Of one pair of robots, or of one robot, from the sets found there, largest first."""
+    sizes = [*map(len, found), 0, 0]
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
-    against = (c.refutation or c.objection for c in sorted(own, key=len, reverse=True))
-    objections = [reason for reason in against if reason]
+    objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
         said = f"{kept} of {len(closure_set)} closures agree and are accepted"
     elif len(closure_set) == 1:

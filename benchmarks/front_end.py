@@ -47,10 +47,10 @@ from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.open_inputs import open_inputs
+from wiclosure.pipeline.mutual_check.radio_check import radio_checked
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends
-from wiclosure.pipeline.stages.radio_check import radio_checked
 from wiclosure.pipeline.stages.run import candidate_filter
 from wiclosure.types import (
     CandidatePairs,

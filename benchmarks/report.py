@@ -17,7 +17,7 @@ from pathlib import Path
 
 from wiclosure.pipeline.report.html import write_run_report
 
-TEAM = Path(__file__).resolve().parent.parent / "tests/pipeline/report/html/conftest.py"
+TEAM = Path(__file__).resolve().parent.parent / "tests/pipeline/report/conftest.py"
 CHROMIUM = "/usr/bin/chromium"
 
 

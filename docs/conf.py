@@ -11,14 +11,12 @@ project = "wiclosure"
 release = version = __version__
 project_copyright = "the wiclosure contributors, BSD-3-Clause"
 language = "en-GB"
+smartquotes = False  # `--option` stays as it is
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 nitpicky = True
-# Nothing is looked up in other projects' sites, and settings have pages of their own.
-nitpick_ignore_regex = [
-    ("py:.*", r"(annotated_types|collections|gtsam|numpy|pathlib|pydantic|types|typing)\..*"),
-    ("py:class", r"wiclosure\.\w+\..*|\w+Array|TypeAliasForwardRef"),
-]
+# Types of other projects are not looked up in their sites, and settings have pages of their own.
+nitpick_ignore_regex = [("py:class", r"(?!wiclosure\.\w+$).*")]
 
 autodoc_type_aliases = {name: name for name in ("FloatArray", "Float32Array", "IntArray", "BoolArray", "ArrayLike")}
 autodoc_typehints_format = "short"
@@ -45,7 +43,15 @@ def keep_colons(app: Sphinx, what: str, name: str, thing: object, options: objec
         lines[:0] = ["..", ""]
 
 
+def known_defaults(
+    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Signatures with a default that is no Python (that of a field with a factory) would not be parsed."""
+    return signature and signature.replace("<factory>", "..."), returned
+
+
 def setup(app: Sphinx) -> None:
     """Tables are shown as they are."""
     app.add_lexer("csv", TextLexer)
     app.connect("autodoc-process-docstring", keep_colons, priority=400)
+    app.connect("autodoc-process-signature", known_defaults)

@@ -36,7 +36,7 @@ def _sections(model: BaseModel, path: str, level: int) -> list[str]:
     lines = []
     if own:
         lines += ["| setting | default | values | unit and meaning |", "|---|---|---|---|"]
-        lines += [_row(model, path, name) for name in own]
+        lines += [_row(model, name) for name in own]
         lines.append("")
     for name in type(model).model_fields:
         inner = getattr(model, name)
@@ -46,11 +46,11 @@ def _sections(model: BaseModel, path: str, level: int) -> list[str]:
     return lines
 
 
-def _row(model: BaseModel, path: str, name: str) -> str:
+def _row(model: BaseModel, name: str) -> str:
     field = type(model).model_fields[name]
     plain = model.model_dump(mode="json", include={name})[name]
     value = yaml.safe_dump(plain, default_flow_style=True, width=10_000).removesuffix("...\n").strip()
-    return f"| `{path}{name}` | `{value}` | {_values(field)} | {_cell(field.description or '')} |"
+    return f"| `{name}` | `{value}` | {_values(field)} | {_cell(field.description or '')} |"
 
 
 def _summary(model: BaseModel) -> str:
@@ -73,6 +73,10 @@ def _kinds(annotation: Any) -> list[str]:
     return [names.get(annotation, "list")]
 
 
+def _plain(text: str) -> str:
+    return text.replace("<", "&lt;").replace("*", "\\*")
+
+
 def _cell(text: str) -> str:
     return text.replace("|", "\\|")
 
@@ -87,6 +91,7 @@ def commands_page() -> str:
     text = re.sub(r"\n\* `--help`: Show this message and exit\.", "", text).replace("**Options**:\n\n\n", "")
     text = re.sub(r"```console\n\$ (.*?)\n```", r"```text\n\1\n```", text)
     text = re.sub(r"^# `wiclosure`\n", "", text)
+    text = re.sub(r"^(\* `[^`]*`: )(.*)$", lambda found: found[1] + _plain(found[2]), text, flags=re.MULTILINE)
     return text.strip() + "\n"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,12 +19,27 @@ from wiclosure.frontends.scan_context import describe
 from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
-__all__ = ["FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
+__all__ = ["Followed", "FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
 
 logger = logging.getLogger(__name__)
 
 # Six unknowns need a few points; what a scan with fewer than these says of the pose is chance.
 _FEWEST_POINTS = 100
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A scan as odometry followed it, to be looked at.
+
+    Args:
+        stamp_ns: of the pose.
+        T_odom_body: `(4, 4)`.
+        points: `(M, 3)` m, thinned, in the body's axes.
+    """
+
+    stamp_ns: int
+    T_odom_body: FloatArray
+    points: Float32Array
 
 
 class OdometryRun:
@@ -74,6 +89,13 @@ class OdometryRun:
         chosen = self._usable(scan) and self._follow(scan)
         self._seconds += time.perf_counter() - started
         return chosen
+
+    @property
+    def last(self) -> Followed | None:
+        """The last scan that was followed, or None before the first."""
+        if not self._poses:
+            return None
+        return Followed(self._stamps_ns[-1], self._poses[-1], np.asarray(self._odometry.thinned, np.float32))
 
     def results(self) -> tuple[OdometryResult, ...]:
         """All that was found so far, one for each settings of keyframes.

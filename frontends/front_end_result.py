@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field, replace
@@ -13,6 +12,7 @@ import numpy as np
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import read_arrays
 from wiclosure.frontends.slips import Slips, find_slips, opened
 from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
@@ -213,7 +213,6 @@ def _content(path: Path, complaint: str) -> Iterator[dict[str, Any]]:
         InputError: it cannot be read, or what is done with it fails; the sentence holds the complaint.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as pack:
-            yield {name: pack[name] for name in pack.files}
-    except (OSError, KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+        yield read_arrays(path)
+    except (InputError, KeyError, ValueError, TypeError, IndexError, ArithmeticError) as error:
         raise InputError(f"{path} {complaint} ({error}); delete it to have it made anew") from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.report.progress_bars import BarProgress
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
-from wiclosure.pipeline.runtime.progress import NoProgress
+from wiclosure.pipeline.runtime.progress import CallbackProgress, NoProgress, Progress
 from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages import run as stages
 from wiclosure.pipeline.stages.run_result import RunResult
@@ -34,7 +34,7 @@ def run(
     limit: int | None = None,
     jobs: int = 1,
     cache: bool = True,
-    progress: bool = False,
+    progress: bool | Callable[[str, int, int | None], None] = False,
 ) -> RunResult:
     """Merges the recordings of several robots into one map: what `wiclosure run` does, without writing a folder.
 
@@ -59,7 +59,12 @@ def run(
         jobs: processes.  More than one begin anew by importing the calling script, which then needs the usual
             `if __name__ == "__main__":`.
         cache: keep odometry, descriptors and registrations for later runs, and take those of earlier ones.
-        progress: bars on the terminal.
+        progress: bars on the terminal; or a function of your own, which takes what is being done (`odometry of alpha`),
+            how many of its items are done, and of how many (None: not known).
+
+    Returns:
+        All that was found.  In a notebook it shows its figures; `result.plot()` draws the map, `result.to_dataframe()`
+        lists every proposed closure with its decision and reason.
 
     Raises:
         InputError: a recording or a log cannot be read, or they do not belong together.
@@ -75,10 +80,16 @@ def run(
         chosen = stages.candidate_filter(resolved.use_filter, inputs, resolved)
     else:
         chosen = candidate_filter
-    shown = BarProgress() if progress else NoProgress()
+    shown = _progress(progress)
     kept = StageCache(default_cache_folder() if cache else None)
     prepared = stages.prepare(inputs, resolved, cache=kept, jobs=jobs, progress=shown)
     return stages.run_stages(prepared, chosen, progress=shown)
+
+
+def _progress(wanted: bool | Callable[[str, int, int | None], None]) -> Progress:
+    if callable(wanted):
+        return CallbackProgress(wanted)
+    return BarProgress() if wanted else NoProgress()
 
 
 def _config(given: Config | Mapping[str, Any] | PathLike | None) -> Config:

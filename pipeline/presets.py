@@ -12,9 +12,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
-from wiclosure.errors import ConfigError
+from wiclosure.errors import ConfigError, InputError
+from wiclosure.formats.structured_text import parse_yaml, read_yaml
 from wiclosure.suggestions import did_you_mean
 
 EXTENDS = "extends"
@@ -91,9 +90,9 @@ def _choices(name: str) -> str:
 
 def _mapping(file: _File) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(file.content.read_bytes().decode("utf-8", errors="replace"))
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{file.place} is not valid YAML: {' '.join(str(error).split())}") from None
+        content = read_yaml(file.content) if isinstance(file.content, Path) else parse_yaml(file.content.read_text())
+    except InputError as error:
+        raise ConfigError(str(error)) from error
     if content is None:
         return {}
     if not isinstance(content, dict):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -12,6 +14,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from wiclosure import __version__
 
@@ -118,3 +121,47 @@ def test_distributions_run_in_a_clean_environment(distributions: tuple[Path, Pat
     assert Path(where.strip()).is_relative_to(tmp_path / "clean")
     config = run(tmp_path / "clean/bin/wiclosure", "dump-config", PYTHONPATH=dependencies)
     assert "distance_m" in config
+
+
+@pytest.mark.slow
+def test_the_demo_runs_from_the_wheel(distributions: tuple[Path, Path], tmp_path: Path) -> None:
+    """What `make release-check` does, with the dependencies of this environment."""
+    run(sys.executable, "-m", "venv", tmp_path / "clean")
+    packages = {"PYTHONPATH": sysconfig.get_paths()["purelib"], "WICLOSURE_CACHE": str(tmp_path / "cache")}
+    offline = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
+    run(tmp_path / "clean/bin/python", "-m", "pip", "install", *offline, distributions[0], **packages)
+    run(tmp_path / "clean/bin/wiclosure", "demo", "--quiet", "--out", tmp_path / "demo", **packages)
+    metrics = json.loads((tmp_path / "demo/wiclosure/metrics.json").read_text())
+    assert len(metrics["components"]) == 1
+    assert metrics["closures"]["accepted_false"] == 0
+    assert (tmp_path / "demo/report.html").stat().st_size < 3e6
+
+
+def test_the_citation_names_this_version_and_licence() -> None:
+    citation = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text())
+    assert citation["version"] == __version__
+    assert citation["license"] in PROJECT["project"]["license"]
+    assert citation["cff-version"] == "1.2.0"
+
+
+def test_every_python_that_is_promised_is_tried() -> None:
+    """Classifiers and continuous integration name the same versions."""
+    prefix = "Programming Language :: Python :: 3."
+    promised = {c.rpartition(" ")[2] for c in PROJECT["project"]["classifiers"] if c.startswith(prefix)}
+    workflow = yaml.safe_load((REPOSITORY / ".github/workflows/ci.yml").read_text())
+    assert promised == set(workflow["jobs"]["check"]["strategy"]["matrix"]["python"])
+
+
+def test_all_holds_every_extra_of_users() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    held = " ".join(extras["all"])
+    for name in set(extras) - {"all", "dev", "docs"}:
+        assert re.search(rf"\b{name}\b", held), name
+
+
+@pytest.mark.parametrize("path", sorted((REPOSITORY / ".github/ISSUE_TEMPLATE").glob("*.yml")), ids=lambda p: p.stem)
+def test_issue_templates_are_forms(path: Path) -> None:
+    form = yaml.safe_load(path.read_text())
+    if path.stem != "config":
+        assert {"name", "description", "body"} <= set(form)
+        assert len({part["id"] for part in form["body"]}) == len(form["body"])

@@ -56,6 +56,11 @@ class AmbiguitySettings(Settings):
         description="chance that an honest radio behind walls agrees as little as an alignment that may be certain; 0:"
         " never asked",
     )
+    weigh_blunders: bool = Field(
+        True,
+        description="where robots moved so that turned or mirrored azimuths, swapped names, or ranges in feet would fit"
+        " as well: count these against a certain alignment",
+    )
     max_yaw_sigma_rad: float = Field(0.35, gt=0.0, description="rad; beyond it errors are no longer Gaussian")
     max_relative_sigma: float = Field(
         0.25, gt=0.0, description="position sigma at the links over the distance of the links; beyond it likewise"
@@ -149,7 +154,14 @@ class SharedTrajectorySettings(Settings):
     most_links: int = Field(
         default=150,
         ge=1,
-        description="links in the joint estimate; of more, evenly many are taken, since its cost grows with their cube",
+        description="links in the joint estimate; of more, evenly many are taken, since neighbouring ones repeat each"
+        " other",
+    )
+    least_links: int = Field(
+        default=8,
+        ge=1,
+        description="links of each pair of robots in the joint estimate, at least, however many pairs there are: twice"
+        " the unknowns of their alignment",
     )
     gravity_sigma_rad: float = Field(
         default=0.05,

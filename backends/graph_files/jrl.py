@@ -6,7 +6,6 @@ w x y z, covariances are full matrices row by row with rotation first (planar: x
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from wiclosure.backends.graph_files.records import (
     require_key,
 )
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import parse_json
 from wiclosure.types import FloatArray
 
 Json = Any  # what a file may hold
@@ -82,9 +82,9 @@ def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, V
 def _loaded(path: Path) -> dict[str, Json]:
     content = read_bytes(path)
     try:
-        log = _from_cbor(path, content) if ".cbor" in path.suffixes else json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is no JSON: {str(error)[:100]}; the file is cut?") from error
+        log = _from_cbor(path, content) if ".cbor" in path.suffixes else parse_json(content)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; the file is cut?") from error
     if not isinstance(log, dict) or not isinstance(log.get("measurements"), dict):
         raise InputError(f"{path} is no JSON Robot Log: it has no measurements by robot")
     return log
@@ -97,8 +97,8 @@ def _from_cbor(path: Path, content: bytes) -> Json:
         raise InputError(f"{path}: reading CBOR needs the package cbor2 (pip install wiclosure[cbor])") from error
     try:
         return cbor2.loads(content)
-    except cbor2.CBORDecodeError as error:
-        raise InputError(f"{path} is no CBOR: {str(error)[:100]}; the file is cut?") from error
+    except Exception as error:  # its own kinds, and those of values that cannot be made
+        raise InputError(f"no CBOR ({' '.join(str(error).split())[:100]})") from error
 
 
 def _labels(listed: Json) -> set[tuple[str, int, int]] | None:

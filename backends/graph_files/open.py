@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
-import lzma
-import zlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import LARGEST_UNPACKED, Compression, UnpackError, largest_content, unpack
 
-PACKED = {".gz": gzip.decompress, ".xz": lzma.decompress}
+PACKED: Mapping[str, Compression] = {".gz": "gz", ".xz": "xz"}
 
 
 def read_bytes(path: Path) -> bytes:
@@ -22,11 +21,13 @@ def read_bytes(path: Path) -> bytes:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the graph {path}: {error.strerror}; check the path") from error
-    unpack = PACKED.get(path.suffix.lower())
+    compression = PACKED.get(path.suffix.lower())
+    if compression is None:
+        return content
     try:
-        return content if unpack is None else unpack(content)
-    except (OSError, EOFError, lzma.LZMAError, zlib.error) as error:
-        raise InputError(f"cannot unpack the graph {path}: {error}; the file is cut or damaged") from error
+        return unpack(content, compression, min(largest_content(len(content)), LARGEST_UNPACKED))
+    except UnpackError as error:
+        raise InputError(f"cannot unpack the graph {path}: {error}") from error
 
 
 def read_text(path: Path) -> str:

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 
@@ -19,6 +18,7 @@ def cache(
 
     The environment says where they are kept (WICLOSURE_CACHE) and how large they may grow in all (WICLOSURE_CACHE_GB).
     """
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 
     kept = StageCache(default_cache_folder())
@@ -36,7 +36,7 @@ def cache(
     table.add_column("size", justify="right")
     for stage in stock:
         table.add_row(stage.stage, str(stage.entries), _megabytes(stage.size_bytes))
-    Console().print(table)
+    show(table)
 
 
 def _megabytes(size_bytes: int) -> str:

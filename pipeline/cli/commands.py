@@ -28,7 +28,8 @@ app = typer.Typer(
     name="wiclosure",
     help="Multi-robot LiDAR SLAM that asks the radio where the robots' paths meet.\n\n"
     "Start with [bold]wiclosure demo[/bold]: it needs no data.",
-    add_completion=False,
+    epilog="Exit codes: 0 done, 1 refused or failed (one line on standard error says why), 130 interrupted."
+    " With NO_COLOR set nothing is coloured; piped, a run says a line for each stage.",
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
@@ -72,6 +73,10 @@ def main() -> None:
     """Entry point: known errors become one line and exit code 1."""
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
+    if os.environ.get("NO_COLOR"):
+        from typer import rich_utils
+
+        rich_utils.COLOR_SYSTEM = None  # without colours it would still write bold
     # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left behind.

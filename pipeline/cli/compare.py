@@ -13,6 +13,7 @@ import typer
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import Configuration, Data, Quiet, RecordingOptions, Result, Working, grouped
+from wiclosure.pipeline.cli.viewing import Viewers, Viewing
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.comparison.outcomes import Comparison
@@ -49,6 +50,7 @@ def compare_command(
     configuration: Configuration,
     reading: RecordingOptions,
     working: Working,
+    viewing: Viewing,
 ) -> None:
     """Run the same recordings with different filters and presets, over shared odometry and registrations (A/B).
 
@@ -62,15 +64,20 @@ def compare_command(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
 
+    viewing.require_possible(overwrite=result.overwrite)
     plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
-    with result_folder(result, data) as (folder, scratch):
-        compared = _compared(plan, scratch, working)
+    with (
+        result_folder(result, data) as (folder, scratch),
+        viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+    ):
+        compared = _compared(plan, scratch, working, viewers)
     _show(compared, folder, working)
 
 
 @grouped
 def demo(
     result: Result,
+    viewing: Viewing,
     seed: Annotated[int, typer.Option("--seed", help="each seed gives another world")] = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -79,15 +86,16 @@ def demo(
     from wiclosure.pipeline.data.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
+    viewing.require_possible(overwrite=result.overwrite)
     working = Working(no_cache=True, quiet=quiet)
-    with result_folder(result) as (folder, scratch):
+    with result_folder(result) as (folder, scratch), viewing.viewers(folder, scratch, quiet=quiet) as viewers:
         scenario = make_scenario("demo-site", ScenarioSettings(seed=seed))
         (scratch / "data").mkdir()
         formats = {"alpha": "ros1", "beta": "ros2-mcap"}
         dataset = write_scenario(scenario, scratch / "data", formats, progress=working.progress)
         settings = Configuration(config="small-site", seed=seed)
         plan = make_plan([str(dataset)], "none,wiclosure", configuration=settings, reading=RecordingOptions())
-        compared = _compared(plan, scratch, working)
+        compared = _compared(plan, scratch, working, viewers)
     _show(compared, folder, working)
 
 
@@ -135,31 +143,40 @@ def _words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def _compared(plan: Plan, folder: Path, working: Working) -> Comparison:
+def _compared(plan: Plan, folder: Path, working: Working, viewers: Viewers) -> Comparison:
     """Runs every arm and writes all into `folder`."""
     from wiclosure.pipeline.comparison import arms
     from wiclosure.pipeline.comparison.comparison_folder import write_comparison
     from wiclosure.pipeline.comparison.page import write_comparison_page
 
-    compared = arms.compare(plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress)
+    viewed = partial(viewers.of, several=True)
+    with working.on_cluster() as cluster:
+        compared = arms.compare(
+            plan,
+            folder,
+            cache=working.cache,
+            jobs=working.jobs,
+            progress=working.progress,
+            viewed=viewed,
+            cluster=cluster,
+        )
     write_comparison(folder, compared)
     write_comparison_page(folder, compared)
     return compared
 
 
 def _show(compared: Comparison, folder: Path, working: Working) -> None:
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.comparison_tables import comparison_table, starts_table
     from wiclosure.pipeline.comparison.starts import has_truth
     from wiclosure.pipeline.comparison.tables import comparison_json
+    from wiclosure.pipeline.report.terminal import show
 
     if working.as_json:
         typer.echo(json.dumps(comparison_json(compared), indent=2))
     elif not working.quiet:
-        Console().print(comparison_table(compared))
+        show(comparison_table(compared))
         if not has_truth(compared):
-            Console().print(starts_table(compared))
+            show(starts_table(compared))
         for remark in compared.plan.remarks:
-            Console().print(remark)
-        Console().print(f"merged maps, tables and pictures in {folder}")
+            show(remark)
+        show(f"merged maps, tables and pictures in {folder}")

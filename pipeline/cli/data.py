@@ -50,9 +50,8 @@ def split(
 
     Example: wiclosure split ~/kitti --sequence 08 --robots 3 --out data/kitti08
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.split import find_sequence, split_kitti
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
 
@@ -65,7 +64,7 @@ def split(
         drive = find_sequence(kitti, parts.sequence)
         log = heard if radio.radio else None
         split_kitti(drive, parts.robots, out, overlap=parts.overlap, heard=log, overwrite=overwrite)
-    Console().print(f"data set of {parts.robots} robots in {out}; merge it with: wiclosure run {out}")
+    show(f"data set of {parts.robots} robots in {out}; merge it with: wiclosure run {out}")
 
 
 def init(
@@ -113,10 +112,9 @@ def info(
 
     Of a recording: topics, types, counts, duration, point fields.
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.folders.overview import overview, recording_overview
     from wiclosure.pipeline.report.tables import overview_table, recording_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
 
     with warnings_on_terminal():
@@ -126,4 +124,4 @@ def info(
         content = [asdict(entry) for entry in entries] if recording is None else asdict(recording)
         typer.echo(json.dumps(content, indent=2, default=str))
     else:
-        Console().print(overview_table(path, entries) if recording is None else recording_table(recording))
+        show(overview_table(path, entries) if recording is None else recording_table(recording))

@@ -39,12 +39,11 @@ def optimize(
 
       wiclosure optimize graph.g2o --set pcm.probability=0.95 --set pose_graph.anchor=b
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.config import resolve
     from wiclosure.pipeline.report.html.report import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.stages.merged_folder import summary, write_merged
     from wiclosure.pipeline.stages.optimising import merge_graphs
 
@@ -57,5 +56,5 @@ def optimize(
         typer.echo(json.dumps(summary(merged), indent=2, allow_nan=False))
     elif not showing.quiet:
         for table in merged_tables(summary(merged)):
-            Console().print(table)
-        Console().print(f"merged graph and trajectories in {folder}")
+            show(table)
+        show(f"merged graph and trajectories in {folder}")

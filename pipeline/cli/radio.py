@@ -42,14 +42,13 @@ def radio_info(
 
     Example: wiclosure radio info uwb.csv,unit=mm,robots.7=alpha,robots.12=beta
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.radio import presets as known_presets
     from wiclosure.pipeline.radio.summary import pair_summaries
     from wiclosure.pipeline.report.radio_tables import presets_table, radio_table
+    from wiclosure.pipeline.report.terminal import show
 
     if presets:
-        Console().print(presets_table(known_presets.presets()))
+        show(presets_table(known_presets.presets()))
         return
     if log is None:
         raise typer.BadParameter("name a log, or ask for --presets")
@@ -61,7 +60,7 @@ def radio_info(
             found = {"kind": reading.kind, "pairs": pairs, "left_out": left, "unused": unused}
             typer.echo(json.dumps(found, indent=2))
         else:
-            Console().print(radio_table(reading))
+            show(radio_table(reading))
             for radio in reading.unused:
                 typer.echo(radio.sentence(()))
 
@@ -124,12 +123,11 @@ def check(
 
     Example: wiclosure radio check -w uwb.csv -t alpha=alpha.tum -t beta=beta.tum
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.radio_check import log_and_trajectories
     from wiclosure.pipeline.radio.check.check import check_log
     from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.radio_tables import check_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
 
     with warnings_on_terminal():
@@ -140,7 +138,7 @@ def check(
         found = [asdict(finding) for finding in result.findings]
         typer.echo(json.dumps({"settings": dict(result.settings), "findings": found}, indent=2))
     else:
-        Console().print(check_table(result))
+        show(check_table(result))
 
 
 def _readings(words: Sequence[str], robots: str | None, *, salvage: bool = False) -> list[RadioReading]:

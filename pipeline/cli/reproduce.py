@@ -56,7 +56,10 @@ def reproduce(
 
     chosen, plan = reproducing.plan_of(experiment, **asdict(worlds), set_=set_)
     with result_folder(result, [str(worlds.poses)] if worlds.poses else []) as (folder, scratch):
-        compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
+        with working.on_cluster() as cluster:
+            compared = compare(
+                plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress, cluster=cluster
+            )
         write_comparison(scratch, compared)
         write_comparison_page(scratch, compared)
         (scratch / "reproduce.md").write_text(
@@ -70,13 +73,12 @@ def reproduce(
 
 def _show(chosen: Experiment, compared: Comparison, folder: Path) -> None:
     """Tables and sentences for the terminal."""
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.comparison_tables import reproduction_table
     from wiclosure.pipeline.comparison.reproduction import tables, verdicts
+    from wiclosure.pipeline.report.terminal import show
 
     for preset, (header, rows) in tables(chosen, compared).items():
-        Console().print(reproduction_table(f"{chosen.title}; back end {preset}", header, rows))
+        show(reproduction_table(f"{chosen.title}; back end {preset}", header, rows))
     for sentence in (*verdicts(compared), *chosen.contradictions):
-        Console().print(f"- {sentence}")
-    Console().print(f"report, tables and pictures in {folder}")
+        show(f"- {sentence}")
+    show(f"report, tables and pictures in {folder}")

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wiclosure.errors import ConfigError
 from wiclosure.pipeline.cli.options import (
     WIRELESS_HELP,
     AcceptCorrection,
@@ -28,6 +26,7 @@ from wiclosure.pipeline.cli.options import (
     grouped,
     with_accepted_correction,
 )
+from wiclosure.pipeline.cli.viewing import Viewing
 
 if TYPE_CHECKING:
     from wiclosure.pipeline.config import Config
@@ -43,9 +42,7 @@ def run(
     configuration: Configuration,
     reading: RecordingOptions,
     working: Working,
-    visualise: Annotated[
-        bool, typer.Option("-v", "--visualize", help="show the merged map in a window at the end")
-    ] = False,
+    viewing: Viewing,
 ) -> None:
     """Merge the recordings of several robots into one map.
 
@@ -57,32 +54,38 @@ def run(
 
       wiclosure run alpha=a.bag beta=b_bag/ --wireless radio.jsonl --filter none --out results/unfiltered
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.report import illustrations, tables
     from wiclosure.pipeline.report.html.report import write_run_report
+    from wiclosure.pipeline.report.terminal import show
+    from wiclosure.pipeline.runtime.processes import local_workers
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
-    if visualise:
-        require_screen()
+    viewing.require_possible(overwrite=result.overwrite)
     config = configuration.resolved(use_filter=filter_name)
-    with result_folder(result, data) as (folder, scratch):
+    with (
+        result_folder(result, data) as (folder, scratch),
+        viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+        working.on_cluster() as cluster,
+    ):
         inputs = reading.inputs(data)
-        chosen = running.candidate_filter(config.use_filter, inputs, config)
-        prepared = running.prepare(inputs, config, cache=working.cache, jobs=working.jobs, progress=working.progress)
-        found = running.run_stages(prepared, chosen, progress=working.progress)
+        workers = cluster or local_workers(working.jobs)
+        chosen = running.candidate_filter(config.use_filter, inputs, config, workers)
+        shown = working.progress
+        with viewers.of("run") as viewer:
+            prepared = running.prepare(
+                inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer, cluster=cluster
+            )
+            found = running.run_stages(prepared, chosen, progress=shown, viewer=viewer)
         run_folder.write_run(scratch, found)
         illustrations.illustrate_run(scratch, found)
         write_run_report(scratch, found)
     if working.as_json:
         typer.echo(json.dumps(found.metrics, indent=2))
     elif not working.quiet:
-        Console().print(tables.run_table(found.metrics))
-        Console().print(f"results in {folder}")
-    if visualise:
-        show_map(folder / "map.ply")
+        show(tables.run_table(found.metrics))
+        show(f"results in {folder}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +155,10 @@ def filter_command(
 
       wiclosure filter -t alpha=a.tum -t beta=b.tum -w radio.jsonl -o candidates.csv
     """
-    from rich.console import Console
-
     from wiclosure.formats.filter_summary import filter_summary
     from wiclosure.pipeline.radio.words import sources_of_words
     from wiclosure.pipeline.report.tables import filter_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.stages import filtering
 
@@ -168,7 +170,7 @@ def filter_command(
     if showing.as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not showing.quiet:
-        Console().print(filter_table(result))
+        show(filter_table(result))
 
 
 def eval_command(
@@ -176,10 +178,9 @@ def eval_command(
     as_json: AsJson = False,
 ) -> None:
     """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
-    from rich.console import Console
-
     from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories
     from wiclosure.pipeline.report.tables import trajectory_table
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.stages.run_folder import read_evaluation_settings, read_metrics, read_trajectories
 
     components = [component["robots"] for component in read_metrics(folder)["components"]]
@@ -189,7 +190,7 @@ def eval_command(
     if as_json:
         typer.echo(json.dumps(errors, indent=2))
     else:
-        Console().print(trajectory_table(errors))
+        show(trajectory_table(errors))
 
 
 def dump_config_command(
@@ -203,20 +204,3 @@ def dump_config_command(
 
     known = "\n".join(preset_names())
     typer.echo(known if presets else configuration.dump_config(configuration.resolve(config, set_)).rstrip())
-
-
-def require_screen() -> None:
-    """Fails where no window can be opened.
-
-    Raises:
-        ConfigError: there is no screen.
-    """
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ConfigError("there is no screen for --visualize; leave it out, and open the result's map.ply elsewhere")
-
-
-def show_map(path: Path) -> None:
-    """A window with the merged map."""
-    import open3d as o3d
-
-    o3d.visualization.draw_geometries([o3d.io.read_point_cloud(path)], window_name=str(path))

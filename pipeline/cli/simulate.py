@@ -115,11 +115,10 @@ def simulate(
 
     Example: wiclosure simulate shell-space --out data/shell
     """
-    from rich.console import Console
-
     from wiclosure.pipeline.data.scenario_source import scenario_settings
     from wiclosure.pipeline.data.scenario_writer import require_format, write_scenario
     from wiclosure.pipeline.report.plan_view import draw_plan
+    from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.runtime.output import whole_folder
     from wiclosure.simulation.scenarios import make_scenario
@@ -132,4 +131,4 @@ def simulate(
             write_scenario(made, scratch, formats, progress=Working(quiet=quiet).progress)
             draw_plan(made, scratch / "plan.png")
     if not quiet:
-        Console().print(f"{len(made.robots)} robots in {out}; merge them with: wiclosure run {out}")
+        show(f"{len(made.robots)} robots in {out}; merge them with: wiclosure run {out}")

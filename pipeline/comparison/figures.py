@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from wiclosure.display import significant
 from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.statistics import Better, Paired, Spread, paired, spread_of
 from wiclosure.pipeline.evaluation.metrics import Metrics
@@ -48,7 +49,7 @@ class Figure:
     label: str
     value: Callable[[Metrics], float | None]
     better: Better | None
-    form: str
+    form: Callable[[float], str]
 
 
 def _ate(metrics: Metrics) -> float | None:
@@ -67,21 +68,21 @@ def _percent(share: float | None) -> float | None:
 
 
 FIGURES: dict[str, Figure] = {
-    "ate_m": Figure("ATE, m", _ate, "low", "{:.3g}"),
-    "accepted_true": Figure("true closures", lambda m: m["closures"]["accepted_true"], "high", "{:.4g}"),
-    "accepted_false": Figure("false closures", lambda m: m["closures"]["accepted_false"], "low", "{:.4g}"),
-    "missed_percent": Figure("missed true, %", _missed, "low", "{:.1f}"),
+    "ate_m": Figure("ATE, m", _ate, "low", significant),
+    "accepted_true": Figure("true closures", lambda m: m["closures"]["accepted_true"], "high", "{:.4g}".format),
+    "accepted_false": Figure("false closures", lambda m: m["closures"]["accepted_false"], "low", "{:.4g}".format),
+    "missed_percent": Figure("missed true, %", _missed, "low", "{:.1f}".format),
     "false_rejected_percent": Figure(
-        "rejected false, %", lambda m: _percent(m["candidates"]["false_rejected"]), None, "{:.1f}"
+        "rejected false, %", lambda m: _percent(m["candidates"]["false_rejected"]), None, "{:.1f}".format
     ),
-    "pairs_kept": Figure("pairs kept", lambda m: m["pairs_kept"], None, "{:.4g}"),
-    "proposed": Figure("proposed", lambda m: m["closures"]["proposed"], None, "{:.4g}"),
-    "accepted": Figure("accepted", lambda m: m["closures"]["accepted"], None, "{:.4g}"),
-    "connected": Figure("robots connected", lambda m: len(m["components"][0]["robots"]), "high", "{:.4g}"),
-    "closing_s": Figure("closing time, s", lambda m: closing_seconds(m["seconds"]), "low", "{:.3g}"),
-    "filter_s": Figure("filter, s", lambda m: m["seconds"]["filter"], None, "{:.2f}"),
-    "filter_share_percent": Figure("filter, % of run", filter_share_percent, None, "{:.2f}"),
-    "total_s": Figure("total, s", lambda m: m["seconds"]["total"], "low", "{:.1f}"),
+    "pairs_kept": Figure("pairs kept", lambda m: m["pairs_kept"], None, "{:,.0f}".format),
+    "proposed": Figure("proposed", lambda m: m["closures"]["proposed"], None, "{:,.5g}".format),
+    "accepted": Figure("accepted", lambda m: m["closures"]["accepted"], None, "{:.4g}".format),
+    "connected": Figure("robots connected", lambda m: len(m["components"][0]["robots"]), "high", "{:.4g}".format),
+    "closing_s": Figure("closing time, s", lambda m: closing_seconds(m["seconds"]), "low", significant),
+    "filter_s": Figure("filter, s", lambda m: m["seconds"]["filter"], None, "{:.2f}".format),
+    "filter_share_percent": Figure("filter, % of run", filter_share_percent, None, "{:.2f}".format),
+    "total_s": Figure("total, s", lambda m: m["seconds"]["total"], "low", "{:.1f}".format),
 }
 
 

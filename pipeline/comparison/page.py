@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.comparison.figures import FIGURES, ArmSummary, summaries
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.comparison.statistics import Spread
@@ -103,7 +104,7 @@ def _text(value: float) -> str:
         return "unknown"
     if float(value).is_integer():
         return f"{value:,.0f}"
-    return f"{value:,.0f}" if value >= 100 else f"{value:#.2g}".rstrip(".")
+    return significant(value)
 
 
 def _next(comparison: Comparison, name: str) -> list[str]:
@@ -164,7 +165,7 @@ def _tables(comparison: Comparison, arms: Sequence[ArmSummary]) -> list[dict[str
                     str(o.seed),
                     o.preset,
                     o.filter,
-                    o.metrics["ate_m"]["team"],
+                    None if (error_m := o.metrics["ate_m"]["team"]) is None else significant(error_m),
                     o.metrics["closures"]["accepted"],
                     o.metrics["closures"]["accepted_false"],
                     FIGURES["closing_s"].value(o.metrics),

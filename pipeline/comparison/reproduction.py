@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from wiclosure.display import significant
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS, Experiment
 from wiclosure.pipeline.comparison.figures import FIGURES, Figure, summaries
@@ -39,9 +40,9 @@ _FURTHER: tuple[Figure, ...] = (
     FIGURES["accepted_false"],
     FIGURES["closing_s"],
     FIGURES["filter_share_percent"],
-    Figure("ATE of odometry alone, m", lambda m: m["ate_odometry_m"]["team"], None, "{:.3g}"),
-    Figure("pairs", lambda m: m["pairs_total"], None, "{:,.0f}"),
-    Figure("pairs kept", lambda m: m["pairs_kept"], None, "{:,.0f}"),
+    Figure("ATE of odometry alone, m", lambda m: m["ate_odometry_m"]["team"], None, significant),
+    Figure("pairs", lambda m: m["pairs_total"], None, "{:,.0f}".format),
+    Figure("pairs kept", lambda m: m["pairs_kept"], None, "{:,.0f}".format),
 )
 
 
@@ -121,7 +122,9 @@ def _rows(experiment: Experiment, comparison: Comparison, preset: str) -> list[l
         for said, figure in zip(experiment.paper, _ROWS, strict=True)
     ]
     rows += [[figure.label, "", "", *(_cell(figure, outcomes) for outcomes in arms)] for figure in _FURTHER]
-    savings = [spread_text(arm.saving_percent, "{:.1f}") for arm in summaries(comparison) if arm.preset == preset]
+    savings = [
+        spread_text(arm.saving_percent, "{:.1f}".format) for arm in summaries(comparison) if arm.preset == preset
+    ]
     return [*rows, ["saving of closing time, %", "", "", *savings]]
 
 

@@ -91,7 +91,7 @@ def arm_rows(arms: Sequence[ArmSummary], keys: Sequence[str] = tuple(FIGURES)) -
     rows = []
     for arm in arms:
         figures = [spread_text(arm.figures.get(key), FIGURES[key].form) for key in keys]
-        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.1f}")])
+        rows.append([_name(arm, arms), str(arm.runs), *figures, spread_text(arm.saving_percent, "{:.1f}".format)])
     return header, rows
 
 
@@ -132,7 +132,7 @@ def _name(arm: ArmSummary, arms: Sequence[ArmSummary]) -> str:
     return arm.filter if len({a.preset for a in arms}) == 1 else f"{arm.preset} {arm.filter}"
 
 
-def spread_text(found: Spread | None, form: str) -> str:
+def spread_text(found: Spread | None, form: Callable[[float], str]) -> str:
     """Median, and smallest and largest where they differ."""
     if found is None:
         return MISSING
@@ -141,14 +141,14 @@ def spread_text(found: Spread | None, form: str) -> str:
     return f"{_number(found.median, form)} [{_number(found.smallest, form)}, {_number(found.largest, form)}]"
 
 
-def _paired(found: Paired, form: str) -> list[str]:
-    difference = MISSING if found.median_difference is None else form.format(found.median_difference)
+def _paired(found: Paired, form: Callable[[float], str]) -> list[str]:
+    difference = MISSING if found.median_difference is None else form(found.median_difference)
     p = MISSING if found.p is None else f"{found.p:.3g}"
     return [difference, str(found.better), str(found.worse), str(found.pairs), p, found.test]
 
 
-def _number(value: float, form: str) -> str:
-    return form.format(value) if math.isfinite(value) else FAILED
+def _number(value: float, form: Callable[[float], str]) -> str:
+    return form(value) if math.isfinite(value) else FAILED
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

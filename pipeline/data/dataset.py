@@ -75,6 +75,7 @@ class Dataset:
                 recording.scans,
                 topic=recording.topic,
                 layout=recording.layout,
+                unit=recording.scan_unit,
                 limit=limit,
                 salvage=salvage,
                 time_offset=recording.time_offset,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,8 @@ import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.yaml_text import PlainLoader
+from wiclosure.formats.radio_units import METRES
+from wiclosure.formats.structured_text import read_yaml
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.pipeline.data.navigation.imu_units import ACCELERATION_UNITS, RATE_UNITS
 from wiclosure.pipeline.data.recording import RobotRecording
@@ -43,7 +44,7 @@ def read_dataset_file(path: Path) -> tuple[dict[str, RobotRecording], tuple[Radi
     Raises:
         InputError: the file cannot be read, is not as described above, or names files that do not exist.
     """
-    content = _mapping(path, "the file", _load(path), known=("robots", "wireless"))
+    content = _mapping(path, "the file", read_yaml(path), known=("robots", "wireless"))
     if "robots" not in content:
         raise InputError(f'{path} has no "robots"; name them as robots: {{alpha: {{scans: alpha.bag}}}}')
     robots = {
@@ -76,39 +77,6 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
-class _Loader(PlainLoader):
-    """Safe, and refuses a key that stands twice: YAML would let the last one win."""
-
-
-def _unique_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Hashable, Any]:
-    seen: set[Hashable] = set()
-    for key_node, _ in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        if not isinstance(key, Hashable):
-            raise yaml.constructor.ConstructorError(None, None, "a key is a list or mapping", key_node.start_mark)
-        if key in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"{key!r} stands twice; give every robot its own name", key_node.start_mark
-            )
-        seen.add(key)
-    return loader.construct_mapping(node, deep=True)
-
-
-_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _unique_mapping)
-
-
-def _load(path: Path) -> object:
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise InputError(f"cannot read the data set {path}: {error.strerror}; check the path") from error
-    except yaml.MarkedYAMLError as error:
-        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{path}{line}: {error.problem or 'not valid YAML'}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid YAML text: {' '.join(str(error).split())}") from error
-
-
 def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     where = f"robot {robot}"
     keys = _mapping(path, where, entry, known=tuple(ROBOT_KEYS))
@@ -161,6 +129,12 @@ def _settings(path: Path, what: str, value: object) -> dict[str, object]:
         problem = error.errors()[0]
         raise InputError(f"{path}: {what}: {'.'.join(map(str, problem['loc']))}: {problem['msg']}") from None
     return chosen
+
+
+def _unit(path: Path, what: str, value: object) -> str:
+    if value not in METRES:
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected {', '.join(METRES)}")
+    return str(value)
 
 
 def _layout(path: Path, what: str, value: object) -> str:
@@ -232,6 +206,9 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
         "text",
         f"what the records of `.bin` files hold: {', '.join(f'`{name}`' for name in LAYOUTS)}, or fields in their order"
         " as `x y z intensity time:u4` (float32 where no type is said); default `kitti`",
+    ),
+    "scan_unit": RobotKey(
+        _unit, "unit", "of the coordinates in the clouds: m, mm, cm, dm, km, ft or in; default m, which is looked at"
     ),
     "ground_truth": RobotKey(
         _beside,

@@ -13,6 +13,8 @@ from wiclosure.errors import InputError
 from wiclosure.formats.trajectory_file import read_trajectory
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
+from wiclosure.pipeline.sources.bags import open_bag
+from wiclosure.pipeline.sources.poses.frames import StaticTransforms
 from wiclosure.pipeline.sources.poses.mounting import LidarMount, lidar_mount
 from wiclosure.pipeline.sources.poses.pose_topics import PoseTopic, only_pose_topic, read_pose_topic
 from wiclosure.types import FloatArray, Trajectory
@@ -70,12 +72,30 @@ def near_origin(trajectory: Trajectory) -> tuple[Trajectory, tuple[float, float,
     return trajectory.moved(T_local_odom), (x, y, z)
 
 
+def _say_no_child(robot: str, recording: RobotRecording, *, salvage: bool) -> None:
+    """Static transforms that cannot be used because poses in a bag do not say of what they are."""
+    place = recording.odometry or recording.scans
+    if not bag_kind(place):
+        return
+    with open_bag(recording.scans, salvage=salvage) as bag:
+        transforms = len(StaticTransforms.of(bag))
+    if transforms:
+        logger.warning(
+            "%s: the messages of its odometry name no child frame, so the %d static transforms of the bag cannot say"
+            " where the LiDAR is in its axes; they are taken for one: set lidar_pose if they are not",
+            robot, transforms,
+        )  # fmt: skip
+
+
 def _lidar_in_body(robot: str, recording: RobotRecording, body_frame: str, *, salvage: bool) -> FloatArray | None:
     """`T_body_lidar` as the data set states it, or by the static transforms in the bags."""
     if recording.lidar_pose is not None:
         position, quat_xyzw = np.array(recording.lidar_pose[:3]), recording.lidar_pose[3:]
         return se3.from_rotation_translation(Rotation.from_quat(quat_xyzw).as_matrix(), position)
-    if not body_frame or not bag_kind(recording.scans):
+    if not bag_kind(recording.scans):
+        return None
+    if not body_frame:
+        _say_no_child(robot, recording, salvage=salvage)
         return None
     mount: LidarMount = lidar_mount(recording.scans, recording.topic, body_frame, recording.odometry, salvage=salvage)
     if mount.frame == body_frame:

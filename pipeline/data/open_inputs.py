@@ -98,8 +98,8 @@ def _identity(recording: RobotRecording, limit: int | None, salvage: bool) -> li
     """All that the scans and the odometry brought along depend on."""
     odometry = None if recording.odometry is None else file_identity(recording.odometry)
     return [
-        file_identity(recording.scans), recording.topic, recording.layout, recording.time_offset_ns, limit, salvage,
-        odometry, recording.odometry_topic, recording.lidar_pose,
+        file_identity(recording.scans), recording.topic, recording.layout, recording.scan_unit,
+        recording.time_offset_ns, limit, salvage, odometry, recording.odometry_topic, recording.lidar_pose,
     ]  # fmt: skip
 
 

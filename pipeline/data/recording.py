@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from wiclosure.formats.radio_units import LengthUnit
+
 
 @dataclass(frozen=True, slots=True)
 class RobotRecording:
@@ -15,6 +17,7 @@ class RobotRecording:
         scans: bag, KITTI folder or folder of clouds.
         topic: PointCloud2 topic; None takes the only one.
         layout: fields of the records in a folder's `.bin` files (see `wiclosure.pipeline.sources.clouds.bin`).
+        scan_unit: unit of the coordinates in the clouds; None: metres, which is looked at.
         ground_truth: file (TUM, EuRoC, KITTI poses) or bag of `T_world_body`, or None.
         ground_truth_topic: its topic, where it is in a bag: the one named, or that of the scans.
         time_offset: seconds to add to every stamp of this robot: scans, ground truth and radio.
@@ -42,6 +45,7 @@ class RobotRecording:
     odometry_topic: str | None = None
     lidar_pose: tuple[float, ...] | None = None
     layout: str | None = None
+    scan_unit: LengthUnit | None = None
     ground_truth_topic: str | None = None
     odometry_settings: Mapping[str, object] = field(default_factory=dict)
     imu: Path | None = None

@@ -12,10 +12,10 @@ from scipy.special import logsumexp
 from wiclosure import se3
 from wiclosure.pipeline.mutual_check.readings import Reading, readings
 from wiclosure.types import Closure, FloatArray, Trajectory, WirelessLog, measured_poses
-from wiclosure.wiclosure_filter.alignment.consensus import consensus
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.consensus import consensus
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.faults.corrections import RadioInputs
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links

@@ -9,10 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from wiclosure.errors import InputError
-from wiclosure.formats.yaml_text import load_yaml
+from wiclosure.formats.structured_text import parse_yaml, read_yaml
 from wiclosure.suggestions import did_you_mean
 
 
@@ -40,7 +38,7 @@ def presets() -> Mapping[str, Preset]:
     """All presets by name."""
     folder = files("wiclosure.configs") / "radio"
     found = (file for file in folder.iterdir() if file.name.endswith(".yaml"))
-    named = {file.name.removesuffix(".yaml"): yaml.safe_load(file.read_text(encoding="utf-8")) for file in found}
+    named = {file.name.removesuffix(".yaml"): parse_yaml(file.read_text(encoding="utf-8")) for file in found}
     return {name: _preset(name, named[name]) for name in sorted(named)}
 
 
@@ -54,10 +52,7 @@ def preset_settings(name: str, folder: Path) -> Mapping[str, Any]:
         return presets()[name].settings
     file = folder / Path(name).expanduser()
     if file.is_file():
-        try:
-            content = load_yaml(file.read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise InputError(f"{file} is not valid YAML: {' '.join(str(error).split())}") from None
+        content = read_yaml(file)
         if isinstance(content, dict):
             return content
         raise InputError(f"{file} holds no settings; expected keys and values of one wireless source")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TypeAlias
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.pyfg import WORDS, read_pyfg_ranges
+from wiclosure.formats.structured_text import parse_json
 from wiclosure.formats.wireless_log import read_wireless_log
 from wiclosure.formats.wsr import read_wsr_profiles, wsr_wireless_log
 from wiclosure.pipeline.radio.presets import preset_of_header, preset_settings
@@ -109,8 +109,8 @@ def _kind(path: Path, source: RadioSource) -> RadioKind:
 def _is_foreign(line: bytes) -> bool:
     """Whether a line is a JSON object of another program than ours."""
     try:
-        found = json.loads(line)
-    except ValueError:
+        found = parse_json(line)
+    except InputError:
         return False
     return isinstance(found, dict) and found.get("type") not in {"wireless", "heading"} and "stamp" not in found
 
@@ -151,7 +151,8 @@ def _topics(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) 
     source = with_message_preset(path, source, salvage=salvage)
     rows = topic_rows(path, source, salvage=salvage)
     log, account = _interpreted(rows, source, known)
-    return RadioReading(log, account, "topics", tuple(unused_radio(path, [str(source.topic)], salvage=salvage)))
+    read = [str(source.topic), f"/{source.topic}"]
+    return RadioReading(log, account, "topics", tuple(unused_radio(path, read, salvage=salvage)))
 
 
 def _factor_graph(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:

@@ -58,11 +58,11 @@ class RadioSource(Settings):
 
     stamp: Names = Field(
         (),
-        description="field of the time, or two: seconds and nanoseconds, date and time; `received`: when the bag got the message",
+        description="field of the time, or two: seconds and nanoseconds, date and time; `received`: at the bag",
     )
     stamp_unit: TimeUnit = Field(
         "auto",
-        description="s, ms, us, ns, 100us, 10us or 100ns; auto: by the size of times since 1970, else s; dates as ISO 8601",
+        description="s, ms, us, ns, 100us, 10us, 100ns; auto: by their size since 1970, else s; ISO 8601 dates",
     )
     time_offset: float = Field(
         0.0, description="seconds that are added to the log's stamps, before those of the robots"

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
 from wiclosure.errors import InputError
-from wiclosure.formats.yaml_text import load_yaml
+from wiclosure.formats.structured_text import read_yaml
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
 from wiclosure.pipeline.runtime.settings_text import nested_words
@@ -48,20 +47,11 @@ def _of_word(word: str) -> tuple[RadioSource, ...]:
     whole = Path(word).expanduser()
     if whole.exists() or "," not in word:
         if whole.suffix.lower() in {".yaml", ".yml"} and whole.is_file():
-            return sources_of_entries(_yaml(whole), whole.parent, str(whole))
+            return sources_of_entries(read_yaml(whole), whole.parent, str(whole))
         return (_of_entry(word, Path(), f"--wireless {word}"),)
     path, *settings = word.split(",")
     stated = nested_words(settings, f"--wireless {word}:")
     return (_of_entry({"path": path, **stated} if path else stated, Path(), f"--wireless {word}"),)
-
-
-def _yaml(path: Path) -> object:
-    try:
-        return load_yaml(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; check the path") from error
 
 
 def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.backends.merged_map import ROBOT_COLOURS
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.types import CandidatePairs, Closure, FloatArray, Stage, Trajectory, survivors
@@ -111,12 +110,6 @@ def _accepted_cells(closures: Sequence[Closure], robot_a: str, robot_b: str) -> 
 
 
 # -------------------------------------------------------------------------------------------------------------- common
-def robot_colour(number: int) -> str:
-    """Colour of the robot of that number, as in the map."""
-    red, green, blue = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
-    return f"#{red:02x}{green:02x}{blue:02x}"
-
-
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of so many inches, as laid out; it is drawn smaller, with as many pixels."""
     from matplotlib.figure import Figure

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wiclosure.pipeline.report.pictures import new_figure, robot_colour, save
+from wiclosure.colours import robot_colour
+from wiclosure.pipeline.report.pictures import new_figure, save
 from wiclosure.simulation.mesh import Mesh
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scene import Scene

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TypeVar
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -19,6 +18,8 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bars
 from rich.text import Text
+
+from wiclosure.pipeline.report.terminal import moves_cursor, terminal
 
 _Item = TypeVar("_Item")
 
@@ -59,6 +60,6 @@ def _bars() -> Bars:
         _Speed(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=Console(file=sys.stderr),
-        disable=not sys.stderr.isatty(),
+        console=terminal(sys.stderr),
+        disable=not moves_cursor(),
     )

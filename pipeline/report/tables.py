@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
+from wiclosure.display import significant
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics, RadioMetrics, TrajectoryMetrics
 from wiclosure.types import FilterResult
 
@@ -121,7 +122,7 @@ def _add_errors(table: Table, metrics: TrajectoryMetrics) -> None:
     for pair, alignment in metrics["alignment"].items():
         metres, degrees = alignment["translation_error_m"], alignment["rotation_error_deg"]
         if metres is not None and degrees is not None:
-            table.add_row(escape(f"  {pair}"), f"{metres:.3f} m and {degrees:.2f}° off relative to each other")
+            table.add_row(escape(f"  {pair}"), f"{significant(metres)} m and {degrees:.2f}° off relative to each other")
 
 
 def _add_remarks(table: Table, sentences: Sequence[str]) -> None:
@@ -161,7 +162,7 @@ def _percent(share: float | None) -> str:
 
 
 def _metres(value: float | None) -> str:
-    return UNKNOWN if value is None else f"{value:.3f} m"
+    return UNKNOWN if value is None else f"{significant(value)} m"
 
 
 def _cloud(cloud: CloudInfo) -> str:

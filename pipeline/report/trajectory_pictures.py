@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.pipeline.report.pictures import FAINT, FALSE, INK, new_figure, robot_colour, save
+from wiclosure.colours import robot_colour
+from wiclosure.display import significant
+from wiclosure.pipeline.report.pictures import FAINT, FALSE, INK, new_figure, save
 from wiclosure.types import FloatArray
 
 if TYPE_CHECKING:
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANELS_IN_A_ROW = 3
+_APART_SHARE = 0.4  # of a panel's width, for robots that are not connected
+_LEGEND_COLUMNS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +63,7 @@ def draw_run(path: Path, view: MergedView) -> None:
     before.set_title("before\neach robot in its own frame", fontsize=11)
     _draw_view(after, "after", view)
     _finish(figure)
-    before.set_xlabel("m, from each start")
-    before.set_ylabel("")
-    before.set_yticks([])
+    before.set(xlabel="", ylabel="", xticks=[], yticks=[])
     save(figure, path)
 
 
@@ -89,7 +92,7 @@ def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
         axes.plot(*place.T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="ground truth", zorder=3)
     _draw_closures(axes, view.closures[~view.false], INK, ".", "accepted closure")
     _draw_closures(axes, view.closures[view.false], FALSE, "x", "accepted and false")
-    error = "" if view.ate_m is None else ", ATE " + f"{view.ate_m:#.3g}".rstrip(".") + " m"
+    error = "" if view.ate_m is None else f", ATE {significant(view.ate_m)} m"
     false = f", {view.false.sum()} of them false" if view.false.any() else ""
     axes.set_title(f"{title}\n{len(view.closures)} closures{false}{error}", fontsize=11)
     if apart := [robot for robot in view.odometry if robot not in view.paths]:
@@ -97,23 +100,41 @@ def _draw_view(axes: Axes, title: str, view: MergedView) -> None:
 
 
 def _draw_own_frames(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
-    """Each robot's odometry from its own start, one below the other: what nothing has brought together yet."""
-    below_m = 0.0
-    for robot in robots:
-        place = view.odometry[robot] - view.odometry[robot][0]
-        height_m = max(float(np.ptp(place[:, 1])), 0.1 * float(np.ptp(place[:, 0])), 1.0)
-        _draw_path(axes, robot, place + np.array([0.0, below_m - place[:, 1].max()]), view.colour(robot))
-        below_m -= 1.15 * height_m
+    """Each robot's odometry from its own start, one beside the other: what nothing has brought together yet."""
+    places = [view.odometry[robot] - view.odometry[robot].min(axis=0) for robot in robots]
+    width_m, height_m = np.max([np.maximum(place.max(axis=0), 1.0) for place in places], axis=0)
+    columns = _columns(len(robots), float(height_m / width_m))
+    for n, (robot, place) in enumerate(zip(robots, places, strict=True)):
+        row, column = divmod(n, columns)
+        cell = np.array([1.2 * column * width_m, -1.2 * row * height_m])
+        _draw_path(axes, robot, place + cell, view.colour(robot))
+    _draw_scale(axes, width_m, -1.2 * ((len(robots) - 1) // columns) * height_m - 0.15 * height_m)
+
+
+def _columns(robots: int, height_by_width: float) -> int:
+    """How many robots stand in a row, so that all of them fill a panel, which is half as wide again as it is high."""
+    return max(1, min(robots, round(math.sqrt(1.5 * robots * height_by_width))))
+
+
+def _draw_scale(axes: Axes, width_m: float, y_m: float) -> None:
+    """A bar of a round length: places in frames of their own have no coordinates in common."""
+    length_m = 10.0 ** np.floor(np.log10(max(width_m, 1e-3)))
+    length_m *= next(factor for factor in (5.0, 2.0, 1.0) if factor * length_m <= width_m or factor == 1.0)
+    axes.plot([0.0, length_m], [y_m, y_m], color=INK, linewidth=2.0, solid_capstyle="butt")
+    axes.annotate(f"{length_m:g} m", (0.0, y_m), (0, -3), textcoords="offset points", va="top", fontsize=10)
 
 
 def _draw_apart(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
-    """Robots that are not connected, in a box of their own: they have no place in the others' frame."""
-    box = axes.inset_axes((0.6, 0.02, 0.38, 0.4), zorder=6)
+    """Robots that are not connected, in a box of their own beside the others: they have no place in their frame."""
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, low + (high - low) / (1.0 - _APART_SHARE))
+    box = axes.inset_axes((1.0 - _APART_SHARE + 0.02, 0.02, _APART_SHARE - 0.04, 0.7), zorder=6)
     _draw_own_frames(box, view, robots)
-    box.set(xticks=[], yticks=[], aspect="equal", facecolor="#ffffffe0")
+    box.set(xticks=[], yticks=[], aspect="equal", facecolor="white")
+    box.set_anchor("S")
     box.margins(0.15)
-    title = textwrap.fill(f"not connected: {', '.join(robots)}", 20)
-    box.set_title(title, fontsize=9, color=FALSE, pad=3)
+    title = textwrap.fill(f"not connected: {', '.join(robots)}", 18)
+    box.set_title(title, fontsize=10, color=FALSE, pad=3)
 
 
 def _draw_path(axes: Axes, robot: str, place: FloatArray, colour: str) -> None:
@@ -145,5 +166,5 @@ def _finish(figure: Figure) -> None:
         found |= dict(zip(labels, handles, strict=True))
     for label, marker in (("start", "o"), ("end", "s")):
         found[label] = Line2D([], [], color=FAINT, marker=marker, linestyle="", markeredgecolor="white")
-    columns = min(len(found), 6)
+    columns = -(-len(found) // -(-len(found) // _LEGEND_COLUMNS))  # rows of about equal length
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns, frameon=False)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
-from wiclosure.errors import ConfigError
-from wiclosure.formats.yaml_text import load_yaml
+from wiclosure.errors import ConfigError, InputError
+from wiclosure.formats.structured_text import DEEPEST, parse_yaml
 from wiclosure.suggestions import nearest
 
 
@@ -29,10 +28,16 @@ def nested_words(words: Sequence[str], place: str) -> dict[str, Any]:
 
 
 def nest(keys: Sequence[str], value: str) -> dict[str, Any]:
-    """The value, read as YAML where it is some, below these keys."""
+    """The value, read as YAML where it is some, below these keys.
+
+    Raises:
+        ConfigError: so many keys that no setting has them.
+    """
+    if len(keys) > DEEPEST:
+        raise ConfigError(f"{'.'.join(keys)[:60]}...: {len(keys)} keys in each other; no setting is so deep")
     try:
-        nested: Any = load_yaml(value)
-    except yaml.YAMLError:
+        nested: Any = parse_yaml(value)
+    except InputError:
         nested = value
     for key in reversed(keys):
         nested = {key: nested}
@@ -60,7 +65,12 @@ def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
         hint = f"did you mean {'.'.join([*location[:-1], near])}?" if near else f"known here: {', '.join(known)}"
         return f"unknown configuration key {key} in {place}; {hint}"
     message = problem["msg"].removeprefix("Value error, ")
-    return f"configuration {key} = {problem['input']!r} in {place}: {message[0].lower()}{message[1:]}"
+    return f"configuration {key} = {_shown(problem['input'])} in {place}: {message[0].lower()}{message[1:]}"
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import ZSTD_MAGIC, unpack
 from wiclosure.pipeline.sources.messages.ros_types import Encoding, deserialize, recorded_typestore
-from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 
 logger = logging.getLogger(__name__)
@@ -120,5 +120,9 @@ def same_topic(one: FoundTopic, other: FoundTopic) -> bool:
 
 
 def decompressed(raw: bytes) -> bytes:
-    """A message without its compression; a serialised message never starts with these bytes."""
-    return zstd.decompress(raw) if raw[:4] == zstd.ZSTD_MAGIC else raw
+    """A message without its compression; a serialised message never starts with these bytes.
+
+    Raises:
+        UnpackError: it is damaged, or larger than any message.
+    """
+    return unpack(raw, "zstd") if raw[:4] == ZSTD_MAGIC else raw

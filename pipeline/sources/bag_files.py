@@ -9,11 +9,10 @@ from contextlib import ExitStack
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
-import yaml
-
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import read_yaml
+from wiclosure.formats.unpacking import unpack_file
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
-from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, ROS1_MAGIC
 
 logger = logging.getLogger(__name__)
@@ -67,7 +66,7 @@ def plain_files(path: Path, stack: ExitStack) -> list[Path]:
         return files
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="wiclosure-bag-")))
     for file in packed:
-        zstd.decompress_file(file, folder / file.stem)
+        unpack_file(file, folder / file.stem)
     return [folder / file.stem if file.suffix == ".zstd" else file for file in files]
 
 
@@ -100,9 +99,9 @@ def is_listed(path: Path, files: Sequence[Path]) -> bool:
 def _listed(folder: Path) -> list[str]:
     """Names of the storage files by `metadata.yaml`; none where it cannot be read."""
     try:
-        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        content = read_yaml(folder / METADATA)
         return [PurePath(str(name)).name for name in content["rosbag2_bagfile_information"]["relative_file_paths"]]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+    except (InputError, KeyError, TypeError) as error:
         if (folder / METADATA).is_file():
             logger.warning("%s cannot be read (%s); the storage files are taken as they are", folder / METADATA, error)
         return []

@@ -6,11 +6,13 @@ import heapq
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import cache, partial
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import LARGEST_BLOCK, unpack
 from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted_topics, decompressed, same_topic
 from wiclosure.pipeline.sources.bag_files import (
     bag_kind,
@@ -96,12 +98,24 @@ def _open_readers(kind: str, files: Sequence[Path], stack: ExitStack) -> list[Re
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
+    _bound_decompression()
     reader_of: type[Reader] = Reader1 if kind == "ros1" else Reader2
     readers: list[Reader] = []
     for file in files:
         readers.append(reader_of(file))
         stack.enter_context(readers[-1])
     return sorted(readers, key=lambda reader: reader.start_time)
+
+
+@cache
+def _bound_decompression() -> None:
+    """Rosbags unpacks whatever stands in a chunk: its tables of decompressors get ours, which end."""
+    from rosbags.rosbag1 import reader as ros1
+    from rosbags.rosbag2 import storage_mcap as mcap
+
+    ros1.decompressors.update({"bz2": partial(unpack, compression="bz2"), "lz4": partial(unpack, compression="lz4")})
+    mcap.DECOMPRESSORS["zstd"] = lambda data, size: unpack(data, "zstd", min(size, LARGEST_BLOCK))
+    mcap.DECOMPRESSORS["lz4"] = lambda data, size: unpack(data, "lz4", min(size, LARGEST_BLOCK))
 
 
 def _may_be_unordered(reader: Reader) -> bool:

@@ -17,8 +17,7 @@ from wiclosure.pipeline.sources.clouds.las import read_las
 from wiclosure.pipeline.sources.clouds.pcd import read_pcd
 from wiclosure.pipeline.sources.clouds.ply import read_ply
 from wiclosure.pipeline.sources.clouds.times_file import times_beside
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
@@ -36,7 +35,12 @@ CLOUD_READERS: Mapping[str, CloudReader] = {
 
 def is_cloud_folder(path: Path) -> bool:
     """Whether the folder holds cloud files."""
-    return path.is_dir() and any(file.suffix.lower() in CLOUD_READERS for file in path.iterdir())
+    return path.is_dir() and any(map(_is_cloud, path.iterdir()))
+
+
+def _is_cloud(file: Path) -> bool:
+    """By its ending; hidden files are what other systems leave beside."""
+    return file.suffix.lower() in CLOUD_READERS and not file.name.startswith(".")
 
 
 class FolderSource:
@@ -55,7 +59,7 @@ class FolderSource:
 
     def __init__(self, path: Path, layout: str | None = None) -> None:
         self.path = path
-        files = [file for file in path.iterdir() if file.suffix.lower() in CLOUD_READERS]
+        files = [file for file in path.iterdir() if _is_cloud(file)]
         files.sort(key=lambda file: natural(file.name))
         suffixes = sorted({file.suffix.lower() for file in files})
         if len(suffixes) != 1:
@@ -87,14 +91,18 @@ class FolderSource:
                 " them, a time in seconds for each", self.path, self.stamps_from,
             )  # fmt: skip
         self._say_odd_times()
-        read, clock = CLOUD_READERS[self._suffix], PointClock(str(self.path), self._period_s)
+        read, scans = CLOUD_READERS[self._suffix], TimedScans(str(self.path), self._period_s)
         if self._suffix == ".bin" and self._layout is not None:
             read = partial(read_bin, layout=self._layout)
         is_said = False
         for file, stamp_ns in zip(self.scan_files, self.stamps_ns.tolist(), strict=True):
             cloud = read(file)
             is_said = is_said or _say_untimed(file, cloud)
-            yield timed_scan(clock, stamp_ns, cloud.points, cloud.times, cloud.intensity)
+            try:
+                scan = scans(stamp_ns, cloud.points, cloud.times, cloud.intensity)
+            except InputError as error:
+                raise InputError(f"{file}: {error}") from error
+            yield scan
 
     def _say_odd_times(self) -> None:
         """Warns of stamps that no LiDAR has: most often their unit is not what it was taken for."""

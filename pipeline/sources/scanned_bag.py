@@ -17,9 +17,9 @@ from tempfile import TemporaryFile
 from typing import Protocol
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import UnpackError
 from wiclosure.pipeline.sources.bag import Bag, BagTopic, RawMessage, counted_topics, decompressed, same_topic
 from wiclosure.pipeline.sources.bag_files import KINDS
-from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import Damage, FoundMessage, FoundTopic, TopicChoice, everything
 from wiclosure.pipeline.sources.salvage.mcap import scan_mcap
 from wiclosure.pipeline.sources.salvage.ros1 import scan_ros1
@@ -106,7 +106,7 @@ def scanned_bag(path: Path, kind: str, files: Sequence[Path], found: BagSurvey, 
         for message in _in_order(messages) if topic in found.unordered else messages:
             try:
                 raw = decompressed(message.data)
-            except zstd.ZstdError as error:
+            except UnpackError as error:
                 place = f"a message of {path}, topic {topic}, cannot be unpacked: {error}"
                 if not salvaged:
                     raise InputError(f"{place}; add --salvage to use the others") from error

@@ -13,11 +13,12 @@ from wiclosure.frontends.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair
+from wiclosure.pipeline.mutual_check.radio_check import radio_checked
 from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.radio_check import radio_checked
 from wiclosure.pipeline.stages.registrations import RegistrationPool
+from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
 
 
@@ -47,6 +48,7 @@ class Attempts:
     config: Config
     registrations: RegistrationPool
     progress: Progress
+    viewer: Viewer
     took: Stopwatch = field(default_factory=Stopwatch)
     registration_s: list[float] = field(default_factory=list)
     filter_s: list[float] = field(default_factory=list)
@@ -89,14 +91,18 @@ class Attempts:
     def _attempt(self, wireless: WirelessLog) -> Attempt:
         filtered = self.candidate_filter.candidates(self.keyframes, wireless)
         self.filter_s.append(filtered.seconds)
+        self.viewer.candidates(filtered)
         revisits = self.config.revisits
         with self.took.time("matching"):
             own = [intra_robot_loops(k, revisits) for k in self.keyframes.values()] if revisits.enabled else []
             matched = _match((*filtered.pairs, *own), self.fronts, self.config)
+        proposed = [closure for result in matched for closure in result.closures]
+        self.viewer.closures(proposed)
         with self.took.time("verification"):
-            registered = self._registered([closure for result in matched for closure in result.closures])
+            registered = self._registered(proposed)
         with self.took.time("check"):
             checked = radio_checked(registered, filtered.checks)
+        self.viewer.closures(checked)
         return Attempt(filtered, matched, tuple(registered), tuple(checked))
 
     def _registered(self, proposed: Sequence[Closure]) -> list[Closure]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.moving_objects import standing_points
 from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import Config
@@ -18,6 +20,7 @@ from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
 from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
@@ -25,8 +28,11 @@ from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
-from wiclosure.types import KeyframeId
+from wiclosure.pipeline.stages.stored_clouds import StoredClouds
+from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
+from wiclosure.types import Float32Array, KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
+from wiclosure.workers import Workers
 
 logger = logging.getLogger(__name__)
 
@@ -44,6 +50,7 @@ class Prepared:
         cache: keeps them for later invocations.
         shared: whether another run of this invocation has paid for the front ends already.
         jobs: processes for registrations.
+        cluster: does the work in their place.
     """
 
     inputs: Inputs
@@ -54,6 +61,7 @@ class Prepared:
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
+    cluster: Workers | None = None
 
     @property
     def fronts(self) -> dict[str, FrontEndResult]:
@@ -61,14 +69,14 @@ class Prepared:
         return self.grounding.fronts
 
 
-def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
+def candidate_filter(name: str, inputs: Inputs, config: Config, workers: Workers | None = None) -> CandidateFilter:
     """The filter of that name, with the settings of the run, and ground truth where every robot has it.
 
     Raises:
         ConfigError: no such filter, or the oracle without ground truth.
     """
     truth = inputs.ground_truth
-    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None)
+    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None, workers)
 
 
 def prepare(
@@ -79,6 +87,8 @@ def prepare(
     jobs: int,
     progress: Progress,
     also: Sequence[Config] = (),
+    viewer: Viewer | None = None,
+    cluster: Workers | None = None,
 ) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
 
@@ -87,19 +97,31 @@ def prepare(
     """
     for each in (config, *also):
         Registration(each.registration)
-    fronts, from_cache = front_ends(inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also)
-    return Prepared(inputs, config, grounded(fronts, inputs, config.earth), from_cache, cache=cache, jobs=jobs)
+    fronts, from_cache = front_ends(
+        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer, workers=cluster
+    )
+    grounding = grounded(fronts, inputs, config.earth)
+    return Prepared(inputs, config, grounding, from_cache, cache=cache, jobs=jobs, cluster=cluster)
 
 
-def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progress) -> RunResult:
-    """Filters, matches, registers, optimises, maps and evaluates."""
-    inputs, config, fronts = prepared.inputs, prepared.config, prepared.fronts
+def run_stages(
+    prepared: Prepared, chosen: CandidateFilter, *, progress: Progress, viewer: Viewer | None = None
+) -> RunResult:
+    """Filters, matches, registers, optimises, maps and evaluates; a viewer sees every stage."""
+    inputs, config, fronts, seen = prepared.inputs, prepared.config, prepared.fronts, viewer or NoViewer()
+    seen.fronts(fronts)
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
-    registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
+    workers = prepared.cluster or local_workers(prepared.jobs)
+    stored = (
+        {robot: StoredClouds.of(robot, front.clouds, prepared.cache) for robot, front in fronts.items()}
+        if workers.remote
+        else {}
+    )
+    registrations = RegistrationPool(config.registration, clouds, prepared.known, workers, stored)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
     solution = solve(
-        fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress,
+        fronts, inputs.wireless, chosen, config, registrations=registrations, progress=progress, viewer=seen,
         earth=prepared.grounding.earth,
     )  # fmt: skip
     if len(prepared.known) > recalled:
@@ -130,20 +152,29 @@ def run_stages(prepared: Prepared, chosen: CandidateFilter, *, progress: Progres
         metrics["earth"] = earth_metrics(prepared.grounding, solution.graph)
     for sentence in metrics["diagnosis"]:
         logger.info("%s", sentence)
-    return RunResult(config, inputs, fronts, solution, merged, merged_map, metrics, prepared.grounding)
+    result = RunResult(config, inputs, fronts, solution, merged, merged_map, metrics, prepared.grounding)
+    seen.result(result)
+    return result
 
 
 def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetrics:
     """What the run took: from raw scans, and without what an earlier run has paid for."""
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
-    return {
-        "seconds": _stages(
-            prepared.fronts.values(), {"gravity": prepared.grounding.seconds} | solution.seconds, mapping_s
-        ),
-        "seconds_spent": _stages(paid, solution.seconds_spent, mapping_s),
+    gravity_s = prepared.grounding.seconds
+    spent = {"gravity": 0.0 if prepared.shared else gravity_s} | solution.seconds_spent
+    costs: CostMetrics = {
+        "seconds": _stages(prepared.fronts.values(), {"gravity": gravity_s} | solution.seconds, mapping_s),
+        "seconds_spent": _stages(paid, spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
+    if prepared.cluster is not None and (work := prepared.cluster.costs) is not None:
+        costs["workers"] = {
+            "used": len(work.workers),
+            "retries": work.retries,
+            "bytes_moved": work.bytes_moved,
+        }
+    return costs
 
 
 def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:
@@ -165,9 +196,21 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
         (number, pose, cloud)
         for number, (robot, front) in enumerate(fronts.items())
         if robot in first
-        for pose, cloud in zip(solution.graph.trajectories[robot].poses, front.clouds, strict=True)
+        for pose, cloud in zip(
+            solution.graph.trajectories[robot].poses,
+            _standing(front, solution.graph.trajectories[robot], config),
+            strict=True,
+        )
     )
     return merge_maps(clouds, config.map)
+
+
+def _standing(front: FrontEndResult, merged: Trajectory, config: Config) -> Iterable[Float32Array]:
+    """A robot's clouds, without what moves where the settings say so."""
+    if config.map.moving_objects:
+        return front.clouds
+    voxel_m = (config.odometry.voxel_size_m or voxel_size_m(front.clouds[0])) / 2  # what keyframes are thinned to
+    return standing_points(front.clouds, merged.poses, voxel_m)
 
 
 def _about_inputs(prepared: Prepared) -> list[str]:

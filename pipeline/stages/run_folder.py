@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.g2o_writer import write_g2o
@@ -15,6 +13,7 @@ from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.kitti_poses import write_kitti_poses
+from wiclosure.formats.structured_text import read_json, read_yaml
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.errors import truth_at
@@ -80,11 +79,9 @@ def read_metrics(folder: Path) -> Metrics:
         some = ", ".join(arms[:4]) + (" ..." if len(arms) > 4 else "")
         raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {some}")
     try:
-        metrics: Metrics = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); give a folder that wiclosure run wrote") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}); give a folder that wiclosure run wrote") from error
+        metrics: Metrics = read_json(path)
+    except InputError as error:
+        raise InputError(f"{error}; give a folder that wiclosure run wrote") from error
     if "components" not in metrics:
         raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
     return metrics
@@ -98,8 +95,8 @@ def read_evaluation_settings(folder: Path) -> EvaluationSettings:
     """
     path = folder / "config.yaml"
     try:
-        return EvaluationSettings.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")).get("evaluation", {}))
-    except (OSError, yaml.YAMLError, AttributeError, ValueError) as error:
+        return EvaluationSettings.model_validate(read_yaml(path).get("evaluation", {}))
+    except (AttributeError, ValueError) as error:
         raise InputError(f"{path} does not hold the configuration of a run: {error}") from error
 
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.merged_map import MergedMap
+from wiclosure.display import closure_columns, data_frame, html_table, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
@@ -13,6 +17,12 @@ from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.grounding.grounding import Grounding
 from wiclosure.types import Closure, FilterResult, Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_PLOTTED_POINTS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +54,10 @@ class Solution:
 class RunResult:
     """Everything that a run found; `wiclosure.pipeline.stages.run_folder` writes it.
 
+    In a notebook it shows its figures; `plot()` draws the map, `to_dataframe()` lists the closures.  What it is made of
+    can be walked: `merged["beta"]` is a trajectory, `solution.filtered` what the filter kept, `solution.graph` the
+    estimate, each of which shows, draws and lists itself likewise.
+
     Args:
         config: what it ran with.
         inputs: what it read.
@@ -67,3 +81,32 @@ class RunResult:
     def __repr__(self) -> str:
         name = self.solution.filtered.filter_name
         return f"RunResult({name!r}, {', '.join(self.merged)}, {self.solution.graph!r}, {self.merged_map!r})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the figures of the run, and its remarks."""
+        metrics, closures = self.metrics, self.metrics["closures"]
+        team_m = metrics["ate_m"]["team"]
+        rows = [
+            ("robots in one map", " and ".join(self.solution.graph.components[0])),
+            ("not connected", " and ".join(self.solution.graph.unconnected)),
+            ("candidate pairs", f"{metrics['pairs_kept']:,} of {metrics['pairs_total']:,} kept"),
+            ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
+            ("team ATE", "" if team_m is None else f"{significant(team_m)} m"),
+            ("seconds", f"{metrics['seconds']['total']:.1f}"),
+            *(("remark", sentence) for sentence in metrics["diagnosis"]),
+        ]
+        return html_table(f"run with the filter {metrics['filter']}", [row for row in rows if row[1]])
+
+    def plot(self) -> Figure:
+        """The merged map with paths and accepted closures from above, as a matplotlib figure."""
+        rng = np.random.default_rng(0)
+        some = rng.permutation(len(self.merged_map))[:_PLOTTED_POINTS]
+        return self.solution.graph.plot(self.merged_map.points[some].astype(float))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Every proposed closure, one row each, with its decision and reason.
+
+        Raises:
+            ConfigError: pandas is not installed.
+        """
+        return data_frame(closure_columns(self.solution.closures))

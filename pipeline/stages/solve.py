@@ -20,6 +20,7 @@ from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.run_result import Solution
+from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, Stage, WirelessLog, survivors
 
 logger = logging.getLogger(__name__)
@@ -36,11 +37,12 @@ def solve(
     *,
     registrations: RegistrationPool,
     progress: Progress,
+    viewer: Viewer,
     earth: EarthMeasurements | None = None,
 ) -> Solution:
     """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
-    attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress)
+    attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress, viewer)
     attempt, checks = attempts.settled(wireless)
     took = Stopwatch()
     with took.time("optimisation"):

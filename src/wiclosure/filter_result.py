@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from wiclosure import se3
 from wiclosure.arrays import BoolArray, FloatArray, IntArray
 from wiclosure.candidates import CandidatePairs
+from wiclosure.display import data_frame, html_table, plot_kept_pairs
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +110,12 @@ class FrameAlignment:
         best_alternative: the best *different* alignment, or None.
         likely_alternatives: where the doubt is between a few clear alignments, those that are likely besides `best`.
         heading_knowledge: `heading`, `reciprocal`, `one-way`, `range-only` or `none`.
+        fit: how many measurements agree.
+        suspected_fault: what seems to be wrong with log or odometry, as a sentence, or an empty string.
+        calibration, calibration_covariance: constant errors that were estimated along with it.
+        corrections: faults of the log that were corrected.
+        strain: sum of squares, in standard deviations, by which the measurements bend odometry and constant errors.
+        strain_probability: that they bend them as far if both err as usual.
     """
 
     robot_a: str
@@ -121,6 +132,8 @@ class FrameAlignment:
     calibration: tuple[Calibration, ...] = ()
     calibration_covariance: FloatArray | None = None
     corrections: tuple[str, ...] = ()
+    strain: float = 0.0
+    strain_probability: float = 1.0
 
     def __repr__(self) -> str:
         verdict = "ambiguous" if self.ambiguous else "certain"
@@ -217,3 +230,32 @@ class FilterResult:
     def pairs_kept(self) -> int:
         """How many pairs were kept."""
         return sum(len(p) for p in self.pairs)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        rows = [("candidate pairs", f"{self.pairs_kept:,} of {self.pairs_total:,} kept")]
+        for found in self.alignments:
+            verdict = "ambiguous" if found.ambiguous else "certain"
+            rows.append((f"{found.robot_a} and {found.robot_b}", f"alignment {verdict}: {found.reason}"))
+        rows += [("remark", sentence) for sentence in self.diagnosis]
+        return html_table(f"filter {self.filter_name}", [*rows, ("seconds", f"{self.seconds:.2f}")])
+
+    def plot(self) -> Figure:
+        """Kept pairs of each two robots, as a matplotlib figure."""
+        return plot_kept_pairs(self.pairs)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Kept pairs, one row each: `robot_a`, `index_a`, `robot_b`, `index_b`, `mahalanobis`, `overlap_probability`.
+
+        Raises:
+            ConfigError: pandas is not installed.
+        """
+        columns: dict[str, list[Any]] = {
+            name: [robot for pairs in self.pairs for robot in [getattr(pairs, name)] * len(pairs)]
+            for name in ("robot_a", "robot_b")
+        } | {
+            name: [value for pairs in self.pairs for value in getattr(pairs, name).tolist()]
+            for name in ("index_a", "index_b", "mahalanobis", "overlap_probability")
+        }
+        order = ("robot_a", "index_a", "robot_b", "index_b", "mahalanobis", "overlap_probability")
+        return data_frame({name: columns[name] for name in order})

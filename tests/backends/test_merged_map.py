@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends import merged_map
 from wiclosure.backends.config import MapSettings
-from wiclosure.backends.merged_map import ROBOT_COLOURS, merge_maps
+from wiclosure.backends.merged_map import merge_maps
+from wiclosure.colours import ROBOT_COLOURS
 from wiclosure.errors import InputError
 
 HALF_METRE = MapSettings(voxel_size_m=0.5)

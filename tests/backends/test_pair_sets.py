@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
+from wiclosure.backends.candidate_sets import LEAST_COVERAGE
 from wiclosure.backends.edges import Edges
 from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
@@ -85,7 +86,7 @@ def test_closures_of_one_place_are_doubted_unless_predicted():
     ends = [(0, 10 + n, 1, 20 + n) for n in range(4)]
     (alone,), (told,) = sets(ends, shift=range(4)), sets(ends, shift=range(4), predicted=[2])
     assert len(alone) == len(told) == 4
-    assert alone.extent < 1.0
+    assert alone.coverage < LEAST_COVERAGE
     assert "look-alike" in alone.objection
     assert told.objection == ""
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import re
 import runpy
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -153,13 +155,21 @@ def test_the_filter_in_front_of_another_pipeline(scope_of: Callable[[Path], Scop
     assert scope["T_0_1"].shape == (4, 4)
 
 
-def test_the_page_shows_what_the_example_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(REPOSITORY / "examples" / "swarm_slam.py"))
-    assert f"```text\n{capsys.readouterr().out}```" in text_of(named("plug_in.md"))
+@pytest.fixture(scope="module")
+def swarm_slam() -> tuple[Scope, str]:
+    """What the example leaves, and what it prints."""
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        scope = runpy.run_path(str(REPOSITORY / "examples" / "swarm_slam.py"))
+    return scope, printed.getvalue()
 
 
-def test_predictions_of_the_example_are_right_whichever_robot_stands_first() -> None:
-    example = runpy.run_path(str(REPOSITORY / "examples" / "swarm_slam.py"))
+def test_the_page_shows_what_the_example_prints(swarm_slam: tuple[Scope, str]) -> None:
+    assert f"```text\n{swarm_slam[1]}```" in text_of(named("plug_in.md"))
+
+
+def test_predictions_of_the_example_are_right_whichever_robot_stands_first(swarm_slam: tuple[Scope, str]) -> None:
+    example = swarm_slam[0]
     world, allowed = example["world"], example["allowed"]
     turned = [
         type(e)(e.robot1_id, e.robot1_image_id, e.robot0_id, e.robot0_image_id, e.weight) for e in example["edges"]

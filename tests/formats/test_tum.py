@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -166,7 +167,52 @@ def test_names_tell_the_order_of_the_pose(tmp_path: Path, names: str) -> None:
     np.testing.assert_allclose(trajectory.poses[1, :3, :3], np.eye(3), atol=1e-12)
 
 
-def test_a_stamp_that_is_not_first_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.tum").write_text("x,y,z,qx,qy,qz,qw,time\n0,0,0,0,0,0,1,1.5\n")
-    with pytest.raises(InputError, match="expected the stamp first"):
-        read_tum(tmp_path / "a.tum", "alpha")
+NAMES = "timestamp tx ty tz qx qy qz qw"
+ROWS = ["1700000000.5 1 2 3 0 0 0 1", "1700000000.75 4 5 6 0 0 0 1", "1700000001.25 7 8 9 0 0 0 1"]
+SEPARATE = [row.split(" ", 1) for row in ROWS]
+VARIANTS = {
+    "more columns": "\n".join(row + " 0.1 0.2" for row in ROWS),
+    "more named columns": NAMES.replace(" ", ",") + ",vx,vy\n" + "\n".join(r.replace(" ", ",") + ",9,9" for r in ROWS),
+    "a name first": "name," + NAMES.replace(" ", ",") + "\n" + "\n".join("a," + r.replace(" ", ",") for r in ROWS),
+    "an index first": "," + NAMES.replace(" ", ",") + "\n" + "\n".join("0," + r.replace(" ", ",") for r in ROWS),
+    "stamp last": "x,y,z,qx,qy,qz,qw,time\n" + "\n".join(f"{p},{t}".replace(" ", ",") for t, p in SEPARATE),
+    "remarks of percent": "% recorded\n" + "\n".join(ROWS),
+    "words above": "path of robot a\n\n" + "\n".join(ROWS),
+    "remarks behind": "\n".join(row + " # keyframe" for row in ROWS),
+    "milliseconds": "\n".join(f"{float(t) * 1e3:.0f} {p}" for t, p in SEPARATE),
+    "named nanoseconds": NAMES + "\n" + "\n".join(f"{round(Decimal(t) * 10**9)} {p}" for t, p in SEPARATE),
+    "dates": "\n".join(f"2023-11-14T22:13:{float(t) - 1_699_999_980:05.2f}Z {p}" for t, p in SEPARATE),
+    "every row twice": "\n".join(row for row in ROWS for _ in range(2)),
+    "echo of odometry": (
+        "%time,field.header.seq,field.header.frame_id,field.pose.pose.position.x,field.pose.pose.position.y,"
+        "field.pose.pose.position.z,field.pose.pose.orientation.x,field.pose.pose.orientation.y,"
+        "field.pose.pose.orientation.z,field.pose.pose.orientation.w\n"
+    ) + "\n".join(f"{round(Decimal(t) * 10**9)},7,odom,{p.replace(' ', ',')}" for t, p in SEPARATE),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_variants_of_the_same_poses(tmp_path: Path, variant: str) -> None:
+    (tmp_path / "a.tum").write_text(VARIANTS[variant] + "\n")
+    read = read_tum(tmp_path / "a.tum", "a")
+    assert read.stamps_ns.tolist() == [1_700_000_000_500_000_000, 1_700_000_000_750_000_000, 1_700_000_001_250_000_000]
+    np.testing.assert_allclose(read.positions, np.arange(1, 10).reshape(3, 3))
+
+
+def test_encodings_of_spreadsheets(tmp_path: Path) -> None:
+    (tmp_path / "a.tum").write_bytes("\r\n".join(ROWS).encode("utf-16"))
+    assert len(read_tum(tmp_path / "a.tum", "a")) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("".join(f"{1_700_000_000 + n // 5} {n} 1 1 0 0 0 1\n" for n in range(20)), "whole seconds stand on several"),
+        ("1700000000500000000 1 2 3 1 0 0 0\n1700000000600000000 1 2 3 1 0 0 0\n", "quaternions begin with w; name"),
+        ("1.5 0 0 9.8 0 0 0 25\n2.5 0 0 9.8 0 0 0 25\n", r"should be quaternions .* \(typically 25\): it holds no"),
+    ],
+)
+def test_numbers_that_are_no_poses_are_refused(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "a.tum").write_text(text)
+    with pytest.raises(InputError, match=says):
+        read_tum(tmp_path / "a.tum", "a")

@@ -19,10 +19,10 @@ GOOD = (
     '"aoa_frame":"body","paths":[{"azimuth":0.31,"elevation":null,"sigma":0.1745,"weight":0.62}]}'
 )
 
-stamps = st.integers(-(8 * 10**18), 8 * 10**18)
-finite = st.floats(-1e6, 1e6)
+stamps = st.integers(-(7 * 10**18), 7 * 10**18)
+finite = st.floats(-100, 100)
 positive = st.floats(1e-6, 1e6)
-names = st.text(min_size=1, max_size=8)
+names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1, max_size=8)
 paths = st.builds(
     AoaPath,
     azimuth=st.floats(-6.2, 6.2),
@@ -197,5 +197,5 @@ def test_monstrous_numbers_give_a_log_or_an_input_error(tmp_path: Path, number: 
         file.write_text(GOOD.replace(field, number))
         assert str(file) in read_or_refuse(file)
     file.write_text("[" * 100_000)
-    with pytest.raises(InputError, match="not valid JSON"):
+    with pytest.raises(InputError, match="nested deeper than 64"):
         read_wireless_log(file)

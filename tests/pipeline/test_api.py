@@ -110,3 +110,9 @@ def test_what_is_wrong_is_said_before_the_work(
 def test_a_preset_is_a_configuration() -> None:
     assert api._config("small-site") != Config()
     assert api._config(None) == Config()
+
+
+def test_a_function_is_told_the_progress(team: dict[str, Path]) -> None:
+    told: list[tuple[str, int, int | None]] = []
+    wiclosure.run(team, candidate_filter="none", cache=False, progress=lambda *words: told.append(words))
+    assert ("odometry of alpha", 4, 4) in told

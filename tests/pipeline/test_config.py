@@ -69,7 +69,7 @@ def test_misspelt_environment_variable() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("a: [1", "not valid YAML"),
+        ("a: [1", "bad.yaml, line"),
         ("- 1", "holds a list"),
         ("pcm: {speed: 3}", r"unknown configuration key pcm\.speed"),
     ],

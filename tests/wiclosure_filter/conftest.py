@@ -11,8 +11,8 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import AoaPath, FloatArray, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 

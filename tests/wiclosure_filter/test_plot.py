@@ -20,11 +20,11 @@ SETTINGS = FilterSettings()
 
 
 def two_robots(count: int) -> tuple[dict[str, Trajectory], WirelessLog]:
-    """Two robots on parallel winding roads, and so many exact measurements with one false path each."""
+    """Two robots on roads that wind differently, and so many exact measurements with one false path each."""
     x = 3.0 * np.arange(80)
     team, truth = {}, {}
-    for name, y0 in (("alpha", 0.0), ("b/eta", 15.0)):
-        y = y0 + 15 * np.sin(x / 30)
+    for name, y0, phase in (("alpha", 0.0, 0.0), ("b/eta", 15.0, 1.0)):
+        y = y0 + 15 * np.sin(x / 30 + phase)
         poses = se3.from_yaw(np.arctan2(np.gradient(y), 3.0), np.stack([x, y, 0 * x], axis=1))
         truth[name] = poses
         team[name] = Trajectory(name, np.arange(80, dtype=np.int64) * 10**9, se3.inverse(poses[0]) @ poses)

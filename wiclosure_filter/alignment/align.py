@@ -11,13 +11,14 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, unobservable
-from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks, consensus
-from wiclosure.wiclosure_filter.alignment.drifting_frames import drift_matters, follow_drift
-from wiclosure.wiclosure_filter.alignment.pairwise_consistency import pairwise_consistency
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem, PairOdometry
+from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, drift_matters, follow_drift
+from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
-from wiclosure.wiclosure_filter.alignment.spatial_refinement import refine_in_space
-from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
+from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks, consensus
+from wiclosure.wiclosure_filter.consensus.pairwise_consistency import pairwise_consistency
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem, PairOdometry
+from wiclosure.wiclosure_filter.consensus.spatial_refinement import refine_in_space
 from wiclosure.wiclosure_filter.likelihood.fit import Fit
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
@@ -69,7 +70,9 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         fit=chosen.fit.by_time,
         suspected_fault=chosen.fault,
         calibration=chosen.best.calibration,
-        calibration_covariance=chosen.best.of_errors,
+        calibration_covariance=None if chosen.best.frames is None else chosen.best.frames.errors.covariance,
+        strain=0.0 if chosen.best.frames is None else chosen.best.frames.strain.squared,
+        strain_probability=chosen.best.strain_probability(settings.drift_inflation),
     )
 
 
@@ -102,23 +105,24 @@ class _Chosen:
         followed: Sequence[_Followed],
         second: SecondAlignment | None,
         settings: AlignmentSettings,
+        indistinct: str = "",
     ) -> _Chosen:
-        """From the selection among the peaks, and those of them that are reported."""
+        """From the selection among the peaks, those that are reported, and why a blunder would fit as well."""
         best, *others = followed
         fit = best.fit
         misfit = fit.misfit(settings.guard.min_fit_probability)
         sentence = "" if second is None else second.sentence
-        slip = sentence if second is not None and second.slip else ""
+        slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
         ambiguous = selection.reason if selection.ambiguous else best.vague
-        objections = [objection for objection in (best.extraordinary, sentence, misfit, ambiguous) if objection]
+        found = (best.extraordinary, sentence or slip, misfit, ambiguous, indistinct)
         return cls(
             best,
             tuple(other.hypothesis for other in others),
             fit,
-            tuple(objections),
-            best.extraordinary or slip or misfit,
+            tuple(objection for objection in found if objection),
+            best.extraordinary or slip or misfit or indistinct,
             selection.reason,
-            likely=bool(second or (selection.alternatives and not misfit)),
+            likely=bool(second or (selection.alternatives and not misfit and not slip)),
         )
 
 
@@ -139,7 +143,21 @@ def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings:
         )
         for row in rows
     ]
-    return _Chosen.of(selection, followed, second, settings)
+    indistinct = ""
+    if not selection.ambiguous and settings.guard.weigh_blunders:
+        indistinct = _indistinct(followed[0], found, links, odometry, settings.guard)
+    return _Chosen.of(selection, followed, second, settings, indistinct)
+
+
+def _indistinct(
+    best: _Followed, found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings
+) -> str:
+    """Why a blunder would fit as well as the best alignment; empty where that was not followed or has no bearings."""
+    frames, observations = best.frames, found.mixture.observations
+    if frames is None or not observations.has_bearing.any():
+        return ""
+    blunders = Blunders.of(frames.w, frames.yaw, links, odometry, best.mixture, best.explanation, found.drift[0])
+    return blunders.objection(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:
@@ -169,9 +187,9 @@ class _Followed:
         mixture: likelihood of the measurements, without the drift that was followed.
         explanation: of the measurements; leading dimension 1.
         distance_m: `(M,)` of the antennas.
-        calibration: systematic errors that were estimated along with it.
-        of_errors: `(7, 7)` covariance of these errors.
+        frames: the chain that follows the drift; None where nothing was to follow.
         vague: why it is too vague to prune by, or an empty string.
+        calibration: systematic errors that were estimated along with it.
     """
 
     hypothesis: AlignmentHypothesis
@@ -179,14 +197,22 @@ class _Followed:
     mixture: Mixture
     explanation: Explanation
     distance_m: FloatArray
-    calibration: tuple[Calibration, ...] = ()
-    of_errors: FloatArray | None = None
+    frames: DriftingFrames | None = None
     vague: str = ""
+    calibration: tuple[Calibration, ...] = ()
 
     @property
     def fit(self) -> Fit:
         """How well it explains the measurements."""
         return Fit.of(self.mixture, self.explanation, self.distance_m)
+
+    def slip(self, min_odds: float) -> str:
+        """Why the odometry seems to slip, or an empty string."""
+        return "" if self.frames is None else self.frames.strain.slip(min_odds)
+
+    def strain_probability(self, inflation: float) -> float:
+        """That odometry and systematic errors of their usual size are bent as far."""
+        return 1.0 if self.frames is None else self.frames.strain.probability(inflation)
 
     @property
     def extraordinary(self) -> str:
@@ -208,9 +234,8 @@ def _followed(
     mixture, observations = found.mixture, found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
     w = displacements_in_a(state[None], observations)[1][0]
+    frames, vague = None, ""
     calibration: tuple[Calibration, ...] = ()
-    of_errors = None
-    vague = ""
     if follow:
         with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
             frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
@@ -218,7 +243,6 @@ def _followed(
             covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
             mixture = Mixture.of(frames.corrected, mixture.radio)
             calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
-            of_errors = frames.errors.covariance
             vague = unobservable(covariance, observations, settings.guard)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
@@ -227,7 +251,7 @@ def _followed(
     )
     distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
     covariance = tangent_covariance(state, covariance, observations)
-    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, calibration, of_errors, vague)
+    return _Followed(hypothesis, covariance, mixture, explanation, distance_m, frames, vague, calibration)
 
 
 def _spread(covariance: FloatArray, information: FloatArray) -> FloatArray:

@@ -13,8 +13,8 @@ from scipy.special import logsumexp
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks, Prior, displacement_m
 from wiclosure.wiclosure_filter.config import AmbiguitySettings
+from wiclosure.wiclosure_filter.consensus.refinement import Peaks, Prior, displacement_m
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import explained

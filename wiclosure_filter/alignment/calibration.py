@@ -15,8 +15,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 

@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.problem import PairOdometry
-from wiclosure.wiclosure_filter.alignment.refinement import Prior
+from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import (
@@ -50,6 +51,7 @@ class DriftingFrames:
         covariance: `(4, 4)` of that state.
         errors: systematic errors, estimated along with the chain.
         corrected: the measurements without these errors.
+        chain: the linearised chain, in order of time.
     """
 
     yaw: FloatArray
@@ -60,6 +62,12 @@ class DriftingFrames:
     covariance: FloatArray
     errors: EstimatedErrors
     corrected: Observations
+    chain: Chain
+
+    @cached_property
+    def strain(self) -> Strain:
+        """How far the measurements bend odometry and systematic errors."""
+        return Strain.of(self.chain, self.errors)
 
 
 def follow_drift(
@@ -113,6 +121,7 @@ def follow_drift(
         covariance,
         estimated,
         links.subset(back),
+        _chain(yaw, w, links, odometry, errors, system),
     )
 
 
@@ -120,76 +129,6 @@ def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observatio
     """False where a rigid transform explains everything as well."""
     relative = drift[0].max() / observations.typical_distance_m
     return bool(relative > 0.02 or drift[1].max() > 0.02)
-
-
-@dataclass(frozen=True, eq=False)
-class BorderedSystem:
-    """Symmetric normal equations of M blocks of 4, each coupled with the next, and all with seven systematic errors.
-
-    Args:
-        diagonal: `(M, 4, 4)`.
-        upper: `(M - 1, 4, 4)` between block m and m + 1.
-        gradient: `(M, 4)`.
-        border: `(M, 4, 7)` between block m and the errors.
-        of_errors: `(7, 7)`.
-        gradient_of_errors: `(7,)`.
-    """
-
-    diagonal: FloatArray
-    upper: FloatArray
-    gradient: FloatArray
-    border: FloatArray
-    of_errors: FloatArray
-    gradient_of_errors: FloatArray
-
-    def solved(self) -> tuple[FloatArray, FloatArray]:
-        """Solution `(4 M,)` of the blocks, and that of the errors `(7,)`."""
-        errors = self.covariance_of_errors() @ (self.gradient_of_errors - self._border.T @ self._alone)
-        return self._alone - self._response @ errors, errors
-
-    def covariance_of_errors(self) -> FloatArray:
-        """`(7, 7)` block of the inverse."""
-        return np.asarray(np.linalg.inv(self.of_errors - self._border.T @ self._response))
-
-    def marginal(self, block: int) -> FloatArray:
-        """`(11, 11)` of the inverse: a block of 4, and the errors."""
-        rows = slice(4 * block, 4 * block + 4)
-        unit = np.zeros((self.gradient.size, 4))
-        unit[rows] = np.eye(4)
-        alone = np.asarray(solveh_banded(self._bands(), unit))[rows]
-        follows = np.vstack([-self._response[rows], np.eye(self.of_errors.shape[0])])
-        inverse = follows @ self.covariance_of_errors() @ follows.T
-        inverse[:4, :4] += (alone + alone.T) / 2
-        return np.asarray(inverse)
-
-    @property
-    def _border(self) -> FloatArray:
-        return self.border.reshape(self.gradient.size, -1)
-
-    @cached_property
-    def _solutions(self) -> FloatArray:
-        return np.asarray(solveh_banded(self._bands(), np.column_stack([self.gradient.reshape(-1), self._border])))
-
-    @property
-    def _alone(self) -> FloatArray:
-        """Solution of the blocks without errors."""
-        return self._solutions[:, 0]
-
-    @property
-    def _response(self) -> FloatArray:
-        """How the blocks follow the errors, with the sign turned."""
-        return self._solutions[:, 1:]
-
-    def _bands(self) -> FloatArray:
-        """Upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
-        count = len(self.diagonal)
-        bands = np.zeros((8, 4 * count))
-        for i in range(4):
-            for j in range(4):
-                if i <= j:
-                    bands[7 + i - j, j::4] = self.diagonal[:, i, j]
-                bands[3 + i - j, 4 + j :: 4] = self.upper[:, i, j]
-        return bands
 
 
 def _system(
@@ -225,6 +164,19 @@ def _system(
     of_errors += (weighted @ of_steps).sum(axis=0)
     gradient_of_errors -= np.einsum("mij,mj->i", weighted, error)
     return BorderedSystem(diagonal, coupling, gradient, border, of_errors, gradient_of_errors)
+
+
+def _chain(
+    yaw: FloatArray,
+    w: FloatArray,
+    observations: Observations,
+    odometry: PairOdometry,
+    errors: SystematicErrors,
+    system: BorderedSystem,
+) -> Chain:
+    error, by_start = _steps(yaw, w, observations)
+    information = np.asarray(np.linalg.inv(_step_covariance(yaw, w, observations, odometry)), float)
+    return Chain(system, error, by_start, errors.of_steps(yaw), information, observations.stamp_ns)
 
 
 def _measured(

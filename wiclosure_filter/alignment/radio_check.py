@@ -15,9 +15,9 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, Trajectory, capped_covariance
-from wiclosure.wiclosure_filter.alignment.problem import AlignmentProblem
-from wiclosure.wiclosure_filter.alignment.refinement import Prior, climb
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.consensus.refinement import Prior, climb
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture
 from wiclosure.wiclosure_filter.links.links import Links
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.consensus import AnchoredPeaks
+from wiclosure.wiclosure_filter.alignment.strain import SLIP_ODDS
+from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver
 
-_SLIP_ODDS = 0.01  # of a slip, a lifted robot or a restarted odometry while two robots hear each other
 _REFLECTION_ODDS = 0.05  # of a wall that shows a virtual transmitter throughout
 _EXPLAINED = 0.05  # likelihood of a path, relative to "none is direct", from which an alignment may explain it
 _SHARES = np.array([0.1, 0.25, 0.5, 0.9])  # of measurements in which a reflection is seen
@@ -80,7 +80,7 @@ def _slip(
     gains = np.stack([before, before[:, -1:] - before])[:, :, :-1]
     if gains.size == 0:
         return SecondAlignment(best, -np.inf, "", slip=True)
-    gains = gains + (log_volume - np.log(gains.shape[2]) + np.log(_SLIP_ODDS))[:, None]
+    gains = gains + (log_volume - np.log(gains.shape[2]) + np.log(SLIP_ODDS))[:, None]
     side, which, split = np.unravel_index(int(np.argmax(gains)), gains.shape)
     row = int(rows[which])
     stamps = observations.stamp_ns[order]

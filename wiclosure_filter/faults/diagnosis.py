@@ -20,6 +20,7 @@ from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInput
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
+STRAINED = 0.05  # probability of a strain from which corrections are tried
 LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
 _PROPOSALS, _MEASUREMENTS = 1000, 40  # a correction that is right needs no long search
 _WIDTH_RAD, _WIDTH_M = 0.1, 0.5  # of peaks among residuals
@@ -52,7 +53,8 @@ def likeliest_fault(
 
 def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
     """Of the alignments that are only compared."""
-    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS})
+    guard = settings.guard.model_copy(update={"weigh_blunders": False})
+    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS, "guard": guard})
 
 
 def with_fault(alignment: FrameAlignment, correction: Correction | None) -> FrameAlignment:
@@ -89,7 +91,7 @@ def _gain(claimed: FrameAlignment, correction: Correction, inputs: RadioInputs, 
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
     ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
-    gained = corrected.best.log_likelihood - claimed.best.log_likelihood
+    gained = corrected.best.log_likelihood - claimed.best.log_likelihood - (corrected.strain - claimed.strain) / 2
     return gained + ranges * correction.log_scale + correction.log_prior
 
 

@@ -6,8 +6,9 @@ began.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import combinations, permutations
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import permutations
 
 import numpy as np
 
@@ -35,10 +36,8 @@ def contradictions(
     """
     certain = {pair: alignment for pair, alignment in alignments.items() if not alignment.ambiguous}
     found: dict[tuple[str, str], str] = {}
-    for a, b, c in combinations(trajectories, 3):
+    for a, b, c in _triangles(list(trajectories), certain):
         cycle = ((a, b), (b, c), (a, c))
-        if not all(pair in certain for pair in cycle):
-            continue
         metres, sigma = _gap_m([certain[pair] for pair in cycle], {r: trajectories[r] for r in (a, b, c)}, inflation)
         if metres > _SIGMAS * sigma:
             sentence = (
@@ -46,6 +45,16 @@ def contradictions(
             )
             found |= dict.fromkeys(cycle, sentence)
     return found
+
+
+def _triangles(robots: Sequence[str], pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str, str]]:
+    """Three robots each of which all pairs are given, in order; a large team has few of all that there could be."""
+    order = {robot: number for number, robot in enumerate(robots)}
+    later: dict[str, set[str]] = defaultdict(set)
+    for a, b in pairs:
+        later[a].add(b)
+    found = [(a, b, c) for a, after_a in list(later.items()) for b in after_a for c in after_a & later.get(b, set())]
+    return sorted(found, key=lambda cycle: [order[robot] for robot in cycle])
 
 
 def _gap_m(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog, WirelessMeasurement, robot_pairs
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.links.headings import OdometryHeading, odometry_headings
 from wiclosure.wiclosure_filter.links.links import Links
@@ -49,7 +49,8 @@ class TeamLinks:
 
     Args:
         headings: readings of each robot that has a compass, as the yaw of its odometry frame.
-        by_pair: links of every pair of robots, a before b in the order of the trajectories.
+        by_pair: links of every pair of robots that measured each other, a before b in the order of the trajectories;
+            asked for other pairs, it gives no links.
     """
 
     headings: Mapping[str, OdometryHeading]
@@ -63,14 +64,31 @@ class TeamLinks:
         heading is not known; `Links.left_out` says how many.
         """
         headings = odometry_headings(trajectories, wireless)
-        rows: dict[frozenset[str], list[int]] = defaultdict(list)
+        order = {robot: number for number, robot in enumerate(trajectories)}
+        rows: dict[tuple[str, str], list[int]] = defaultdict(list)
         for row, measurement in enumerate(wireless.measurements):
-            rows[frozenset((measurement.receiver, measurement.transmitter))].append(row)
-        by_pair = {}
-        for a, b in robot_pairs(list(trajectories)):
-            between = _Between.of((a, b), trajectories, wireless, rows.get(frozenset((a, b)), []))
-            by_pair[a, b] = between.links((headings.get(a), headings.get(b)), limits)
+            if measurement.receiver in order and measurement.transmitter in order:
+                a, b = sorted((measurement.receiver, measurement.transmitter), key=order.__getitem__)
+                rows[a, b].append(row)
+
+        def gathered(a: str, b: str) -> Links:
+            between = _Between.of((a, b), trajectories, wireless, rows.get((a, b), []))
+            return between.links((headings.get(a), headings.get(b)), limits)
+
+        by_pair = _LinksByPair(gathered)
+        by_pair |= {pair: gathered(*pair) for pair in sorted(rows, key=lambda pair: [order[robot] for robot in pair])}
         return cls(headings, by_pair)
+
+
+class _LinksByPair(dict[tuple[str, str], Links]):
+    """Links of the robots that measured each other; of others, none, made when they are asked for."""
+
+    def __init__(self, gathered: Callable[[str, str], Links]) -> None:
+        super().__init__()
+        self._gathered = gathered
+
+    def __missing__(self, pair: tuple[str, str]) -> Links:
+        return self._gathered(*pair)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, IntArray, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, Heading, IntArray, Trajectory, WirelessLog
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +44,19 @@ class OdometryHeading:
 def odometry_headings(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> dict[str, OdometryHeading]:
     """Headings of each robot that has any, as far as readings lie within its trajectory's time."""
     found: dict[str, OdometryHeading] = {}
+    by_robot: dict[str, list[Heading]] = {robot: [] for robot in trajectories}
+    for heading in wireless.headings:
+        by_robot.get(heading.robot, []).append(heading)
     for robot, trajectory in trajectories.items():
-        readings = [h for h in wireless.headings if h.robot == robot]
+        readings = by_robot[robot]
         stamps_ns = np.array([h.stamp_ns for h in readings], np.int64)
         inside = trajectory.covers(stamps_ns)
         if inside.any():
             order = np.flatnonzero(inside)[np.argsort(stamps_ns[inside], kind="stable")]
-            heading = np.array([h.heading for h in readings])[order]
+            headings = np.array([h.heading for h in readings])[order]
             sigma = np.array([h.sigma for h in readings])[order]
             yaw_odom_body = se3.yaw(trajectory.at(stamps_ns[order]))
-            found[robot] = OdometryHeading(stamps_ns[order], heading - yaw_odom_body, sigma)
+            found[robot] = OdometryHeading(stamps_ns[order], headings - yaw_odom_body, sigma)
     return found
 
 

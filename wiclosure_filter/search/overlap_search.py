@@ -163,4 +163,5 @@ def _gated(
     near[near] = model.applies(p[near], k[near])
     p, k = p[near], k[near]
     scores = gate.score(displacement[near], model.covariance(p, k))
+    p, k = p + model.first[0], k + model.first[1]
     return KeptPairs(p[scores.keep], k[scores.keep], scores.overlap_probability, scores.mahalanobis)

@@ -42,6 +42,15 @@ class KeyframePlaces:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def stretch(self, keyframes: slice) -> tuple[KeyframePlaces, slice]:
+        """Successive keyframes of these, and the nodes that they lie between."""
+        node = self.node[keyframes]
+        nodes = slice(int(node[0]), int(node[-1]) + 2)
+        places = KeyframePlaces(
+            self.positions[keyframes], self.own_covariance[keyframes], node - nodes.start, self.fraction[keyframes]
+        )
+        return places, nodes
+
     @cached_property
     def own_variance(self) -> FloatArray:
         """`(N,)` m^2, largest variance of `own_covariance` in any direction."""
@@ -57,12 +66,14 @@ class PairModel:
         table: `(nodes of a, nodes of b, d, d)` covariance of the displacement between nodes, m^2.
         routes: None, or the routes over all links of the robots, where this model answers only for pairs whose
             shortest route leads over its own link (paper mode).
+        first: which keyframes of the robots the first ones of a and b are.
     """
 
     a: KeyframePlaces
     b: KeyframePlaces
     table: FloatArray
     routes: ShortestRoutes | None = None
+    first: tuple[int, int] = (0, 0)
 
     def displacement(self, p: IntArray, k: IntArray) -> FloatArray:
         """Means `(M, d)` for pairs of keyframes."""

@@ -61,9 +61,13 @@ class AlternativeEstimates:
         """How many alignments are likely."""
         return len(self.estimates)
 
-    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+    def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
         """Those of all estimates, the most likely one's first; each answers for every pair."""
-        return tuple(model for estimate in self.estimates for model in estimate.models(robot_a, robot_b))
+        return tuple(model for estimate in self.estimates for model in estimate.models(robot_a, robot_b, gate))
+
+    def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
+        """Under any of the estimates."""
+        return set().union(*(estimate.may_meet(gate) for estimate in self.estimates))
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray

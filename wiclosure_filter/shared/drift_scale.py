@@ -12,14 +12,14 @@ import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 
 def drift_scale(
     odometry: gtsam.NonlinearFactorGraph,
-    others: gtsam.NonlinearFactorGraph,
+    steps: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
-    covariance: JointCovariance,
+    root: SquareRoot,
     *,
     robots: int,
     prior_weight: float,
@@ -29,28 +29,29 @@ def drift_scale(
     A step of the fixed-point iteration, and meant to be the last one where it makes the drift smaller: links are heard
     where robots are near each other, and the odometry may be worse where they are not.
 
+    Of all parameters the odometry determines as many as its measurements are a surprise no more, the trace of
+    `J C J^T`; the links, headings and one prior for each robot determine the others.
+
     Args:
         odometry: factors between neighbouring nodes, as the drift model has them.
-        others: links, headings, and one prior for each robot.
-        values: the optimum of both together, with the drift scaled as far as is known by now.
-        covariance: of all nodes at that optimum.
+        steps: the same as the estimate has them, with the drift scaled as far as is known by now.
+        values: the optimum of these and all other factors.
+        root: of the information of all nodes at that optimum.
         robots: whose frames are estimated; their 6 parameters each are not odometry.
         prior_weight: determined parameters that the drift model counts as.
     """
     squared = 2.0 * odometry.error(values)
-    linear = others.linearize(values)
-    determined = sum(_determined(linear.at(i), covariance) for i in range(linear.size())) - 6 * robots
+    own, following = root.chains()
+    linear = steps.linearize(values)
+    of_odometry = sum(_determined(linear.at(i), own, following) for i in range(linear.size()))
+    determined = 6 * len(own) - of_odometry - 6 * robots
     return float(np.sqrt((prior_weight + squared) / (prior_weight + max(determined, 0.0))))
 
 
-def _determined(factor: gtsam.GaussianFactor, covariance: JointCovariance) -> float:
-    """How much of a factor's measurement is a surprise no more: trace of `J C J^T`, at most its dimension."""
-    J, _ = factor.jacobian()
-    keys = factor.keys()
-    if len(keys) == 1:
-        return float(np.trace(J @ covariance.own[keys[0]] @ J.T))
-    seen: FloatArray = sum(
-        (J[:, 6 * n : 6 * n + 6] @ covariance.factor[key] for n, key in enumerate(keys)),
-        np.zeros((len(J), covariance.factor.shape[2])),
-    )
-    return float(np.sum(seen**2))
+def _determined(step: gtsam.GaussianFactor, own: FloatArray, following: FloatArray) -> float:
+    """How much of a step's measurement is a surprise no more: trace of `J C J^T`."""
+    J, _ = step.jacobian()
+    n, m = step.keys()
+    of_first, of_second = J[:, :6], J[:, 6:]
+    both = of_first @ own[n] @ of_first.T + of_second @ own[m] @ of_second.T
+    return float(np.trace(both + 2.0 * of_first @ following[n] @ of_second.T))

@@ -13,7 +13,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.drift import AccumulatedDrift, DriftModel
-from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
+from wiclosure.types import FloatArray, IntArray, Trajectory
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 # Nodes without a link, for each robot: of longer trajectories the nodes lie further apart.
@@ -165,14 +165,6 @@ class TeamNodes:
     def first(self) -> dict[str, int]:
         """Number of each robot's first node."""
         return dict(zip(self.nodes, np.cumsum([0, *(len(n) for n in self.nodes.values())]).tolist(), strict=False))
-
-    @property
-    def linked(self) -> BoolArray:
-        """`(K,)` which of all nodes have a link."""
-        first, linked = self.first, np.zeros(sum(len(n) for n in self.nodes.values()), bool)
-        for (a, b), (at_a, at_b) in self.ends.items():
-            linked[first[a] + at_a] = linked[first[b] + at_b] = True
-        return linked
 
 
 def without_bias(drift: DriftModel, length_m: float) -> DriftModel:

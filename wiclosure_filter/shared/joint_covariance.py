@@ -1,110 +1,133 @@
-"""Joint covariance of a pose graph whose robots' odometry chains meet only at links, in factored form.
+"""Joint covariance of a pose graph of many robots, from the sparse square root of its information.
 
-Nodes without a link have neighbours in their own chain only, so their part of the information matrix is banded.
-Eliminating them leaves a dense problem over the linked nodes alone; every other node's error is a linear function of
-those plus an independent remainder.  Exact, and many times faster than inverting the whole matrix.
+Nothing of the size of all poses squared is formed: the rows of a robot are computed when they are asked for, and those
+of the last robots are kept.
 """
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-import gtsam
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import lapack, solveh_banded
-from scipy.sparse import csr_array
 
 from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet, IndependentErrors
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
-# Blocks of 6 that touch at most the block next to them.
-BAND = 12
+# Robots whose rows are kept: those that meet one robot also meet the next, where robots are numbered as they lie.
+MOST_KEPT = 64
 
 
 @dataclass(frozen=True, eq=False)
 class JointCovariance:
-    """Covariances of K poses, rotation first.
+    """Covariances of K poses of R robots, rotation first.
 
     Args:
-        own: `(K, 6, 6)` of each pose.
-        factor: `(K, 6, r)`; for poses n, m of different robots the covariance is `factor[n] @ factor[m].T`.
+        root: of the information of all poses, each in its own axes.
+        first: `(R + 1,)` number of the first pose of each robot, and K.
+        turn: `(K, 3, 3)` from each pose's own axes into those that the covariances are wanted in.
+        errors: systematic errors that move the poses besides.
     """
 
-    own: FloatArray
-    factor: FloatArray
+    root: SquareRoot
+    first: IntArray
+    turn: FloatArray
+    errors: IndependentErrors = field(default_factory=IndependentErrors)
+    _kept: OrderedDict[int, Rows] = field(default_factory=OrderedDict, repr=False)
 
-    @classmethod
-    def of(cls, linear: gtsam.GaussianFactorGraph, linked: NDArray[np.bool_]) -> JointCovariance:
-        """From the linearised graph over poses 0 ... K-1, chain by chain; `linked (K,)` marks those with links.
+    def widened(
+        self, sets: Mapping[tuple[int, int], ErrorSet], near: Mapping[int, set[tuple[int, int]]]
+    ) -> JointCovariance:
+        """With what constant errors add.
 
-        Raises:
-            numpy.linalg.LinAlgError: some pose is not determined.
+        Args:
+            sets: by two robots, the errors of their links and odometry.
+            near: by robot, whose errors count for it; between two robots count those that count for both.
         """
-        free, held = np.flatnonzero(~linked), np.flatnonzero(linked)
-        ordering = gtsam.Ordering()
-        for key in (*free, *held):
-            ordering.push_back(int(key))
-        information, _ = linear.hessian(ordering)
-        split = 6 * len(free)
-        response, remainder = _eliminated(information[:split, :split], information[:split, split:])
-        of_held = information[split:, split:] + csr_array(information[split:, :split]) @ response
-        # With information L L^T the covariance is L^-T L^-1: L^-T is the factor.
-        lower = np.linalg.cholesky(of_held)
-        inverse, _ = lapack.dtrtri(lower, lower=True)
-        factor_held = np.ascontiguousarray(inverse.T)
-        factor = np.empty((len(linked), 6, factor_held.shape[1]))
-        factor[held] = factor_held.reshape(len(held), 6, len(lower))
-        factor[free] = (response @ factor_held).reshape(len(free), 6, len(lower))
-        own = factor @ np.swapaxes(factor, 1, 2)
-        own[free] += remainder
-        return cls(own, factor)
+        errors = IndependentErrors.of(sets, near)
+        return replace(self, errors=errors, _kept=OrderedDict())
 
-    def turned(self, R: FloatArray) -> JointCovariance:
-        """In other axes: each pose's rotation and translation errors turned by `R (K, 3, 3)`."""
-        turn = np.zeros((len(R), 6, 6))
-        turn[:, :3, :3] = turn[:, 3:, 3:] = R
-        return JointCovariance(turn @ self.own @ np.swapaxes(turn, 1, 2), turn @ self.factor)
+    def of_pairs(self, a: int, n: IntArray, b: int, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Covariances `(M, 6, 6)` of poses n of robot a, of these with poses m of robot b, and of the latter."""
+        (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
+        own_a, cross, own_b = self._rows(a, rows).joint(self._rows(b, columns), slice(0, 6))
+        return own_a[of_n], cross[of_n, of_m], own_b[of_m]
 
-    def widened(self, pulls: Mapping[int, FloatArray]) -> JointCovariance:
-        """With what independent errors of one standard deviation add, by their pulls `(6, p)` at linked poses."""
-        if not pulls:
-            return self
-        of_errors = sum(self.factor[key].T @ pull for key, pull in pulls.items())
-        columns = self.factor @ of_errors
-        own = self.own + columns @ np.swapaxes(columns, 1, 2)
-        return JointCovariance(own, np.concatenate([self.factor, columns], axis=2))
+    def of_robot(self, robot: int) -> Rows:
+        """What all poses of a robot depend on."""
+        rows = self._kept.pop(robot, None)
+        if rows is None:
+            rows = self._rows(robot, np.arange(self.first[robot], self.first[robot + 1]))
+        self._kept[robot] = rows
+        while len(self._kept) > MOST_KEPT:
+            self._kept.popitem(last=False)
+        return rows
 
-    def of_displacements(self, a: slice, b: slice, dimensions: int) -> FloatArray:
-        """Covariance `(A, B, d, d)` of the difference of positions, for poses of two robots in common axes."""
-        axes = slice(3, 3 + dimensions)
-        own_a, own_b = self.own[a, axes, axes], self.own[b, axes, axes]
-        flat_a, flat_b = (self.factor[rows, axes].reshape(-1, self.factor.shape[2]) for rows in (a, b))
-        cross = (flat_a @ flat_b.T).reshape(len(own_a), dimensions, len(own_b), dimensions).swapaxes(1, 2)
-        return np.asarray(own_a[:, None] + own_b[None, :] - cross - np.swapaxes(cross, 2, 3))
-
-    def between(self, n: IntArray, m: IntArray) -> FloatArray:
-        """Covariances `(M, 6, 6)` of the errors of poses n with those of poses m of another robot."""
-        codes, inverse = np.unique(n * len(self.own) + m, return_inverse=True)
-        rows, columns = np.divmod(codes, len(self.own))
-        blocks = np.empty((len(codes), 6, 6))
-        for start in range(0, len(codes), 1000):  # bounds the memory
-            part = slice(start, start + 1000)
-            blocks[part] = self.factor[rows[part]] @ np.swapaxes(self.factor[columns[part]], 1, 2)
-        return blocks[inverse]
+    def _rows(self, robot: int, poses: IntArray) -> Rows:
+        values, places = self.root.rows(poses)
+        effects, names = self.errors.at(robot, poses - self.first[robot], values, places)
+        turn = np.zeros((len(poses), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
+        return Rows(turn @ values, places, turn @ effects, names)
 
 
-def _eliminated(banded: FloatArray, coupling: FloatArray) -> tuple[csr_array, FloatArray]:
-    """How free poses follow held ones, `(6 F, 6 H)`, and the covariance `(F, 6, 6)` of what remains.
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What n poses of a robot depend on, as independent numbers of one standard deviation.
 
-    A free pose follows only the held ones before and after it: the first result is sparse.
+    Args:
+        values: `(n, 6, 6 C)` of the root's inverse.
+        places: `(C,)` which of its columns.
+        effects: `(n, 6, E)` of systematic errors.
+        names: `(E,)` which of them.
     """
-    size = len(banded)
-    if size == 0:
-        return csr_array(coupling), np.zeros((0, 6, 6))
-    bands = np.zeros((min(BAND, size), size))
-    for offset in range(len(bands)):
-        bands[offset, : size - offset] = np.diagonal(banded, -offset)
-    solved = solveh_banded(bands, np.hstack([-coupling, np.eye(size)]), lower=True)
-    inverse = solved[:, coupling.shape[1] :].reshape(size // 6, 6, size // 6, 6)
-    return csr_array(solved[:, : coupling.shape[1]]), np.einsum("ninj->nij", inverse)
+
+    values: FloatArray
+    places: IntArray
+    effects: FloatArray
+    names: IntArray
+
+    @property
+    def own(self) -> FloatArray:
+        """`(n, 6, 6)` covariance of each pose."""
+        return _squared(self.values) + _squared(self.effects)
+
+    def only(self, poses: slice | int) -> Rows:
+        """Those of some of the poses."""
+        chosen = slice(poses, poses + 1) if isinstance(poses, int) else poses
+        return replace(self, values=self.values[chosen], effects=self.effects[chosen])
+
+    def displacements(self, other: Rows, dimensions: int) -> FloatArray:
+        """Covariance `(n, m, d, d)` of the difference of positions, for poses of two robots in common axes."""
+        own, cross, others = self.joint(other, slice(3, 3 + dimensions))
+        return np.asarray(own[:, None] + others[None, :] - cross - np.swapaxes(cross, 2, 3))
+
+    def joint(self, other: Rows, axes: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Covariances `(n, d, d)`, `(n, m, d, d)`, `(m, d, d)` of and between poses of two robots, some axes of them.
+
+        Systematic errors count where both robots count them: what moves both alike must not count for one.
+        """
+        _, at, of_other = np.intersect1d(self.names, other.names, assume_unique=True, return_indices=True)
+        effects, others = self.effects[:, axes, at], other.effects[:, axes, of_other]
+        own_a = _squared(self.values[:, axes]) + _squared(effects)
+        own_b = _squared(other.values[:, axes]) + _squared(others)
+        _, at, of_other = np.intersect1d(self.places, other.places, assume_unique=True, return_indices=True)
+        cross = _times(self._at(axes, at), other._at(axes, of_other)) + _times(effects, others)
+        return own_a, cross, own_b
+
+    def _at(self, axes: slice, places: IntArray) -> FloatArray:
+        """Values of some axes `(n, d, 6 c)` at some of the places."""
+        columns = (6 * places[:, None] + np.arange(6)).ravel()
+        return np.asarray(self.values[:, axes][:, :, columns])
+
+
+def _squared(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows @ np.swapaxes(rows, 1, 2))
+
+
+def _times(rows: FloatArray, others: FloatArray) -> FloatArray:
+    """`(n, m, d, d)` products of rows `(n, d, c)` and `(m, d, c)`."""
+    (n, d, c), m = rows.shape, len(others)
+    return np.asarray((rows.reshape(n * d, c) @ others.reshape(m * d, c).T).reshape(n, d, m, d).swapaxes(1, 2))

@@ -4,9 +4,10 @@ The paper takes one link for each pair of poses, since one link leaves the traje
 used at once, which also corrects the odometry, and robots that never heard each other are joined through a third.
 
 What is exact and what is a bound: means and joint covariance of the nodes are those of the linearised problem, with
-all their correlations.  A keyframe's error is the blend of its two nodes' errors plus a bridge between them; the
-covariance of two keyframes' displacement is taken as the blend of the four node pairs' covariances, which is never
-smaller than that of the blend (variance is convex), plus both bridges.
+all their correlations; systematic errors of links more than `FAR_HOPS` links away are left out.  A keyframe's error is
+the blend of its two nodes' errors plus a bridge between them; the covariance of two keyframes' displacement is taken as
+the blend of the four node pairs' covariances, which is never smaller than that of the blend (variance is convex), plus
+both bridges.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ import gtsam
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import BoolArray, FloatArray, FrameAlignment, IntArray, PredictionKind
+from wiclosure.types import FloatArray, IntArray, PredictionKind
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
+from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
+from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, error_sets
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.joint_factors import (
@@ -35,9 +37,15 @@ from wiclosure.wiclosure_filter.shared.joint_factors import (
     step_factors,
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
+from wiclosure.wiclosure_filter.shared.reach import Reach, meeting_stretches, near_enough
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # The drift is scaled again where it grew by this factor, at most so often.
 GROWN, MOST_RESCALINGS = 1.2, 5
+
+# Links between them over which systematic errors of measurements count for a robot: those of robots further away
+# add a hundredth of the variance of two robots that meet (at most a twentieth, in a simulated fleet of 49).
+FAR_HOPS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +70,30 @@ class JointEstimate:
     kind: ClassVar[PredictionKind] = PredictionKind.POSE
     alternatives: ClassVar[int] = 1
 
-    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
-        """Predicted displacements between all keyframes of two robots."""
-        table = self.covariance.of_displacements(self._rows(robot_a), self._rows(robot_b), self.dimensions)
-        return (PairModel(self.places[robot_a], self.places[robot_b], table),)
+    def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
+        """Predicted displacements between all keyframes of two robots; see `SharedEstimate`."""
+        a, b = self.reach[robot_a], self.reach[robot_b]
+        rows_a, rows_b = (self.covariance.of_robot(self._number[robot]) for robot in (robot_a, robot_b))
+        of_a, of_b = slice(0, len(a.places)), slice(0, len(b.places))
+        if gate is not None:
+            stretches = meeting_stretches(a, rows_a, b, rows_b, gate)
+            if stretches is None:
+                return ()
+            of_a, of_b = stretches
+        (places_a, nodes_a), (places_b, nodes_b) = a.places.stretch(of_a), b.places.stretch(of_b)
+        table = rows_a.only(nodes_a).displacements(rows_b.only(nodes_b), self.dimensions)
+        return (PairModel(places_a, places_b, table, first=(of_a.start, of_b.start)),)
+
+    def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
+        """See `SharedEstimate`."""
+        robots = list(self.nodes)
+        near = near_enough([self.reach[robot] for robot in robots], gate)
+        return {(robots[i], robots[j]) for i, j in zip(*np.nonzero(np.triu(near, 1)), strict=True)}
 
     @cached_property
-    def places(self) -> dict[str, KeyframePlaces]:
-        """All keyframes of each robot in the shared frame."""
-        return {robot: self._places(robot) for robot in self.nodes}
+    def reach(self) -> dict[str, Reach]:
+        """Each robot in the shared frame, without the others."""
+        return {robot: self._reach(robot) for robot in self.nodes}
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
@@ -78,7 +101,7 @@ class JointEstimate:
         """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`: over the nearest nodes, with their joint covariance."""
         node_a, T_node_a, C_a = self._nearest(robot_a, index_a)
         node_b, T_node_b, C_b = self._nearest(robot_b, index_b)
-        T_nodes, C_nodes = self._between_nodes(node_a, node_b)
+        T_nodes, C_nodes = self._between_nodes(robot_a, node_a, robot_b, node_b)
         T_a_node = se3.inverse(T_node_a)
         C_ab = se3.compose_covariance(se3.inverse_covariance(T_node_a, C_a), T_nodes, C_nodes)
         C_ab = se3.compose_covariance(C_ab, T_node_b, C_b)
@@ -99,13 +122,18 @@ class JointEstimate:
     def _rows(self, robot: str) -> slice:
         return slice(self.first[robot], self.first[robot] + len(self.nodes[robot]))
 
-    def _between_nodes(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
-        """`T_n_m` and its covariance, exact to first order."""
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {robot: number for number, robot in enumerate(self.nodes)}
+
+    def _between_nodes(self, a: str, n: IntArray, b: str, m: IntArray) -> tuple[FloatArray, FloatArray]:
+        """`T_n_m` and its covariance, exact to first order, for nodes of two robots."""
         T_n_m = se3.between(self.T_world_node[n], self.T_world_node[m])
         to_n, to_m = (_turned(np.swapaxes(self.T_world_node[i, :3, :3], 1, 2)) for i in (n, m))
-        C_nn = to_n @ self.covariance.own[n] @ np.swapaxes(to_n, 1, 2)
-        C_mm = to_m @ self.covariance.own[m] @ np.swapaxes(to_m, 1, 2)
-        C_mn = to_m @ self.covariance.between(m, n) @ np.swapaxes(to_n, 1, 2)
+        own_n, own_nm, own_m = self.covariance.of_pairs(self._number[a], n, self._number[b], m)
+        C_nn = to_n @ own_n @ np.swapaxes(to_n, 1, 2)
+        C_mm = to_m @ own_m @ np.swapaxes(to_m, 1, 2)
+        C_mn = to_m @ np.swapaxes(own_nm, 1, 2) @ np.swapaxes(to_n, 1, 2)
         Ad = se3.adjoint(se3.inverse(T_n_m))
         mixed = C_mn @ np.swapaxes(Ad, 1, 2)
         return T_n_m, C_mm + se3.rotate_covariance(Ad, C_nn) - mixed - np.swapaxes(mixed, 1, 2)
@@ -113,7 +141,7 @@ class JointEstimate:
     def _nearest(self, robot: str, index: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Nearest node (among all), `T_node_keyframe` and the covariance of the odometry between."""
         nodes, trajectory = self.nodes[robot], self.nodes[robot].trajectory
-        before, share = self.places[robot].node[index], self.places[robot].fraction[index]
+        before, share = self.reach[robot].places.node[index], self.reach[robot].places.fraction[index]
         node = np.where(share > 0.5, before + 1, before)
         T_node_keyframe = trajectory.poses[index].copy()
         T_node_keyframe[:, :3, 3] -= nodes.position[node]
@@ -135,20 +163,21 @@ class JointEstimate:
         )
         return from_before + share[:, None] * (from_after - from_before)
 
-    def _places(self, robot: str) -> KeyframePlaces:
-        nodes = self.nodes[robot]
+    def _reach(self, robot: str) -> Reach:
+        nodes, rows = self.nodes[robot], self.covariance.of_robot(self._number[robot])
         before, share = nodes.around_keyframes()
         after = np.minimum(before + 1, len(nodes) - 1)
         chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
         off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
-        turn = np.einsum("nii->n", self.covariance.own[self._rows(robot), :3, :3])
+        turn = np.einsum("nii->n", rows.own[:, :3, :3])
         variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
-        return KeyframePlaces(
+        places = KeyframePlaces(
             positions=self.positions[robot][:, : self.dimensions],
             own_covariance=variance[:, None, None] * np.eye(self.dimensions),
             node=before,
             fraction=share,
         )
+        return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], rows)
 
 
 def estimate(
@@ -158,7 +187,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
-    of_errors: Mapping[tuple[str, str], FloatArray] | None = None,
+    of_errors: Mapping[tuple[str, str], PriorErrors] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -168,9 +197,9 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
-        of_errors: `(7, 7)` covariance of the systematic errors of each pair's links, see `alignment.calibration`.
+        of_errors: what is known of the constant errors of each pair's links and odometry.
     """
-    nodes, first, linked = team.nodes, team.first, team.linked
+    nodes, first = team.nodes, team.first
     initial = gtsam.Values()
     for robot, own in nodes.items():
         add_first_guess(initial, first[robot], own, T_world_odom[robot])
@@ -183,56 +212,53 @@ def estimate(
             middle = len(kept) // 2
             add_height(others, int(first[a] + at_a[middle]), int(first[b] + at_b[middle]), sigma_m)
     as_modelled = step_factors(nodes, first)
-    values, covariance = _solved(as_modelled, others, initial, linked)
+    values, root = _solved(as_modelled, others, initial)
     # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
     # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
-    scale = 1.0
+    scale, steps = 1.0, as_modelled
     for _ in range(MOST_RESCALINGS):
         before = scale
-        scale = drift_scale(as_modelled, others, values, covariance, robots=len(nodes), prior_weight=drift_weight)
+        scale = drift_scale(as_modelled, steps, values, root, robots=len(nodes), prior_weight=drift_weight)
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
-        values, covariance = _solved(step_factors(scaled, first), others, values, linked)
+        steps = step_factors(scaled, first)
+        values, root = _solved(steps, others, values)
         if scale < GROWN * before:
             break
-    for (a, b), known in (of_errors or {}).items():
-        keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
-        trajectory = nodes[b].trajectory
-        covariance = covariance.widened(pulls(team.links[a, b], known, keys, trajectory, values, robust_threshold))
-    T_world_node = np.array([values.atPose3(k).matrix() for k in range(len(linked))])
-    return JointEstimate(scaled, first, T_world_node, covariance.turned(T_world_node[:, :3, :3]), prior.dimensions)
+    T_world_node = np.array([values.atPose3(k).matrix() for k in range(values.size())])
+    sets, shift = error_sets(team, of_errors or {}, values, root, robust_threshold)
+    T_world_node = T_world_node @ se3.exp(shift)
+    ends = np.array([*first.values(), values.size()])
+    covariance = JointCovariance(root, ends, T_world_node[:, :3, :3])
+    if sets:
+        covariance = covariance.widened(sets, _near(team))
+    return JointEstimate(scaled, first, T_world_node, covariance, prior.dimensions)
 
 
 def _solved(
-    odometry: gtsam.NonlinearFactorGraph,
-    others: gtsam.NonlinearFactorGraph,
-    initial: gtsam.Values,
-    linked: BoolArray,
-) -> tuple[gtsam.Values, JointCovariance]:
-    """Optimum of all factors, and the covariance there, each node's in its own axes."""
+    odometry: gtsam.NonlinearFactorGraph, others: gtsam.NonlinearFactorGraph, initial: gtsam.Values
+) -> tuple[gtsam.Values, SquareRoot]:
+    """Optimum of all factors, and the root of the information there, each node in its own axes."""
     graph = gtsam.NonlinearFactorGraph()
     graph.push_back(odometry)
     graph.push_back(others)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
+    parameters.setOrderingType("METIS")
     values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
-    return values, JointCovariance.of(graph.linearize(values), linked)
+    return values, SquareRoot.of(graph.linearize(values))
 
 
-def frames_from(robots: list[str], alignments: list[FrameAlignment]) -> dict[str, FloatArray]:
-    """`T_world_odom` of every robot that the alignments join to the first of `robots`, in order of joining."""
-    known = {robots[0]: np.eye(4)}
-    grown = True
-    while grown:
-        grown = False
-        for alignment in alignments:
-            if alignment.best is None or (alignment.robot_a in known) == (alignment.robot_b in known):
-                continue
-            if alignment.robot_a in known:
-                known[alignment.robot_b] = known[alignment.robot_a] @ alignment.best.T_a_b
-            else:
-                known[alignment.robot_a] = known[alignment.robot_b] @ se3.inverse(alignment.best.T_a_b)
-            grown = True
-    return {robot: known[robot] for robot in robots if robot in known}
+def _near(team: TeamNodes) -> dict[int, set[tuple[int, int]]]:
+    """By robot, the pairs of robots not far from it, whose constant errors count for it."""
+    import networkx as nx
+
+    number = {robot: n for n, robot in enumerate(team.nodes)}
+    heard = nx.Graph((number[a], number[b]) for a, b in team.links)
+    near = {
+        robot: heard.subgraph(nx.single_source_shortest_path_length(heard, robot, cutoff=FAR_HOPS)).edges
+        for robot in number.values()
+    }
+    return {robot: {(min(pair), max(pair)) for pair in pairs} for robot, pairs in near.items()}
 
 
 def _turned(R: FloatArray) -> FloatArray:

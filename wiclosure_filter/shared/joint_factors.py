@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.shared.frame_prior import UNKNOWN_M, UNKNOWN_RAD, FramePrior
+from wiclosure.wiclosure_filter.likelihood.frame_prior import UNKNOWN_M, UNKNOWN_RAD, FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M
 from wiclosure.wiclosure_filter.links.links import Links
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
 UNKNOWN_ELEVATION = 0.5
@@ -46,12 +46,16 @@ class KeptLinks:
         direction[~chosen.any(axis=1)] = np.nan
         return cls(links, direction, covariance)
 
+    def subset(self, rows: IntArray) -> KeptLinks:
+        """The links at `rows`."""
+        return KeptLinks(self.links.subset(rows), self.direction[rows], self.direction_covariance[rows])
+
     def thinned(self, most: int) -> KeptLinks:
         """At most so many links, evenly over the time."""
         if len(self) <= most:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
-        return KeptLinks(self.links.subset(rows), self.direction[rows], self.direction_covariance[rows])
+        return self.subset(rows)
 
     def for_graph(self, T_a_b: FloatArray, level: FloatArray, trajectories: Mapping[str, Trajectory]) -> RadioLinks:
         """The same between keyframes.

@@ -10,14 +10,16 @@ import numpy as np
 
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, RadioLinks, Trajectory, robot_pairs
 from wiclosure.wiclosure_filter.config import SharedTrajectorySettings
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.links import Links
+from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import errors_of, without_errors
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
+from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, errors_of, without_errors
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
-from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate, frames_from
+from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstimate
+from wiclosure.wiclosure_filter.shared.team_frames import frames_from, settled
 
 # Median residual, in standard deviations, beyond which links contradict each other; 0.7 is expected, and robust kernels
 # let a few outliers have any residual.
@@ -38,8 +40,15 @@ class SharedEstimate(Protocol):
         """How many likely alignments it rests on; 1 where one is certain."""
         ...
 
-    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
-        """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models or more."""
+    def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
+        """Predicted displacements of all pairs of keyframes; each pair is answered for by one of the models or more.
+
+        Where a gate is given, pairs that it cannot keep may be left out.
+        """
+        ...
+
+    def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
+        """Pairs of robots, a before b; of others the gate can keep no pair of keyframes."""
         ...
 
     def relative_poses(
@@ -62,6 +71,10 @@ class SharedTrajectory:
     estimates: Mapping[tuple[str, str], SharedEstimate] = field(default_factory=dict)
     diagnosis: tuple[str, ...] = ()
     links: tuple[RadioLinks, ...] = ()
+
+    def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
+        """Pairs of robots that may meet by their estimates."""
+        return set().union(*(estimate.may_meet(gate) for estimate in set(self.estimates.values())))
 
 
 def share_trajectories(
@@ -98,8 +111,8 @@ def _calibrated(alignment: FrameAlignment, links: Links, trajectories: Mapping[s
     """The links that an alignment keeps, without the systematic errors that it found."""
     assert alignment.best is not None  # it is certain
     kept = KeptLinks.of(alignment.best, links)
-    errors, _ = errors_of(alignment)
-    return without_errors(kept, errors, trajectories[alignment.robot_b]) if errors.any() else kept
+    errors = errors_of(alignment)
+    return kept if errors is None else without_errors(kept, errors.value, trajectories[alignment.robot_b])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,50 +132,64 @@ def _joint(
     settings: SharedTrajectorySettings,
 ) -> _Joined:
     """One estimate for each set of robots that the alignments connect."""
-    kept, diagnosis = _thinned(kept, settings.most_links)
+    kept, diagnosis = _thinned(kept, settings)
     alignments, left = dict(certain), list(trajectories)
     estimates: dict[tuple[str, str], SharedEstimate] = {}
     while left:
         frames = frames_from(left, list(alignments.values()))
         if len(frames) > 1:
             own = {pair: links for pair, links in kept.items() if pair[0] in frames}
+            frames = settled(frames, [alignments[pair] for pair in own], settings.robust_threshold)
             try:
-                errors = {pair: errors_of(alignments[pair])[1] for pair in own}
+                of_each = {pair: errors_of(alignments[pair]) for pair in own}
+                errors = {pair: one for pair, one in of_each.items() if one is not None}
                 joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, errors, prior, settings)
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
                 left = [robot for robot in left if robot not in frames]
                 continue
-            worst = max(misfit, key=lambda pair: misfit[pair])
-            if len(own) > 1 and misfit[worst] > CONTRADICTING_SIGMAS:
+            contradicting = _worst(misfit) if len(own) > 1 else []
+            for pair in contradicting:
                 # Each alignment holds by itself, but not all together: do without the one that fits least.
                 diagnosis.append(
-                    f"{worst[0]} and {worst[1]}: their links contradict those of the other robots"
-                    f" (median residual {misfit[worst]:.1f} standard deviations); not used"
+                    f"{pair[0]} and {pair[1]}: their links contradict those of the other robots"
+                    f" (median residual {misfit[pair]:.1f} standard deviations); not used"
                 )
-                del alignments[worst], kept[worst]
+                del alignments[pair], kept[pair]
+            if contradicting:
                 continue
             estimates.update(dict.fromkeys(robot_pairs(list(frames)), joint))
         left = [robot for robot in left if robot not in frames]
     return _Joined(estimates, {pair: links for pair, links in kept.items() if pair in estimates}, diagnosis)
 
 
+def _worst(misfit: Mapping[tuple[str, str], float]) -> list[tuple[str, str]]:
+    """Pairs whose links contradict the others most; of those that share a robot only the worst, for it may be why."""
+    found: list[tuple[str, str]] = []
+    for pair in sorted(misfit, key=lambda pair: -misfit[pair]):
+        if misfit[pair] > CONTRADICTING_SIGMAS and not any(set(pair) & set(other) for other in found):
+            found.append(pair)
+    return found
+
+
 def _thinned(
-    kept: Mapping[tuple[str, str], KeptLinks], most: int
+    kept: Mapping[tuple[str, str], KeptLinks], settings: SharedTrajectorySettings
 ) -> tuple[dict[tuple[str, str], KeptLinks], list[str]]:
     """At most so many links of all robots together, evenly, and a sentence where there were more."""
     total = sum(len(links) for links in kept.values())
-    if total <= most:
+    if total <= settings.most_links:
         return dict(kept), []
-    sentence = f"the joint estimate uses {most} of {total} links, evenly over the time"
-    return {pair: links.thinned(max(1, most * len(links) // total)) for pair, links in kept.items()}, [sentence]
+    most = {pair: max(settings.least_links, settings.most_links * len(own) // total) for pair, own in kept.items()}
+    thinned = {pair: own.thinned(most[pair]) for pair, own in kept.items()}
+    used = sum(len(own) for own in thinned.values())
+    return thinned, [f"the joint estimate uses {used} of {total} links, evenly over the time"]
 
 
 def _component(
     trajectories: Mapping[str, Trajectory],
     frames: Mapping[str, FloatArray],
     kept: Mapping[tuple[str, str], KeptLinks],
-    of_errors: Mapping[tuple[str, str], FloatArray],
+    of_errors: Mapping[tuple[str, str], PriorErrors],
     prior: FramePrior,
     settings: SharedTrajectorySettings,
 ) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
@@ -174,7 +201,7 @@ def _component(
         prior,
         robust_threshold=settings.robust_threshold,
         drift_weight=settings.drift_weight,
-        of_errors={pair: covariance for pair, covariance in of_errors.items() if covariance.any()},
+        of_errors=of_errors,
     )
     return joint, {pair: joint.misfit(links, *team.ends[pair]) for pair, links in kept.items()}
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind, Trajectory
+from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel, ShortestRoutes
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
@@ -85,7 +86,11 @@ class ShortestRouteEstimate:
             dimensions,
         )
 
-    def models(self, robot_a: str, robot_b: str) -> tuple[PairModel, ...]:
+    def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
+        """The two robots; see `SharedEstimate`."""
+        return {(self.robot_a, self.robot_b)}
+
+    def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
         """One model for each link, which answers for the pairs whose shortest route leads over it."""
         if (robot_a, robot_b) != (self.robot_a, self.robot_b):
             return ()

@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from wiclosure.errors import InputError, WiclosureError
+from wiclosure.formats.pose_columns import pose_columns
 from wiclosure.formats.text_table import TextTable, is_number, open_table
 from wiclosure.formats.trajectory_file import read_trajectory, trajectory_kind
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
@@ -146,7 +147,10 @@ def _text(path: Path) -> Found:
 
 def _table(path: Path, table: TextTable) -> Found:
     rows = [cells for _, (_, cells) in zip(range(_FEW_ROWS), table.rows(), strict=False)]
-    if (len(table.columns) == 8 and _are_poses(rows)) or trajectory_kind(path) == "euroc":
+    kind = trajectory_kind(path)
+    if kind == "kitti":
+        return Found(path, "unknown", "KITTI poses without stamps: ground_truth of a folder of as many scans")
+    if kind == "euroc" or _are_poses(rows) or _name_poses(table.columns):
         return _trajectory(path)
     known = guess(table.columns, table.units) if table.has_header else {}
     if preset := preset_of_header(table.columns):
@@ -167,9 +171,17 @@ def _trajectory(path: Path) -> Found:
     return Found(path, "trajectory", f"{len(trajectory)} poses ({kind}), {span_s:.0f} s, {length_m:.0f} m")
 
 
-def _are_poses(rows: list[list[str]]) -> bool:
-    """Whether rows are `stamp x y z qx qy qz qw`: eight numbers, the last four of length one."""
-    if not rows or not all(len(row) == 8 and all(map(is_number, row)) for row in rows):
+def _name_poses(columns: Sequence[str]) -> bool:
+    try:
+        pose_columns(Path(), ",".join(columns), ())
+    except (InputError, ValueError):
         return False
-    quaternions = np.array([[float(cell.replace(",", ".")) for cell in row[4:]] for row in rows])
+    return True
+
+
+def _are_poses(rows: list[list[str]]) -> bool:
+    """Whether rows begin with `stamp x y z qx qy qz qw`: eight numbers, the last four of length one."""
+    if not rows or not all(len(row) >= 8 and all(map(is_number, row[:8])) for row in rows):
+        return False
+    quaternions = np.array([[float(cell.replace(",", ".")) for cell in row[4:8]] for row in rows])
     return bool(np.allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=0.05))

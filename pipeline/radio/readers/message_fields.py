@@ -56,6 +56,9 @@ class FieldPath:
         for number in range(step, len(self.steps)):
             name, index, each = self.steps[number]
             if name not in (known := _names(value)):
+                if isinstance(value, list | np.ndarray):
+                    here = ".".join(part[0] for part in self.steps[:number])
+                    raise InputError(f"{here!r} of {self.text!r} is an array; write {here}[].{name} for each element")
                 fields_there = ", ".join(known) or "none"
                 raise InputError(f"{_type(value)} has no field {name!r} (of {self.text!r}); its fields: {fields_there}")
             value = getattr(value, name)
@@ -81,6 +84,19 @@ def rows_of(message: object, paths: Mapping[str, FieldPath]) -> Iterator[dict[st
         raise InputError(f"the arrays of {', '.join(paths[key].text for key in sorted(arrays))} differ in length")
     for element in range(lengths.pop() if lengths else 1):
         yield {key: value[element] if key in arrays else value for key, value in values.items()}
+
+
+def field_paths(message: object, above: str = "") -> list[str]:
+    """The paths of all fields of a message, arrays of messages by their first element."""
+    found: list[str] = []
+    for name in _names(message):
+        value, path = getattr(message, name), f"{above}{name}"
+        if isinstance(value, list | np.ndarray):
+            path += "[]"
+            value = value[0] if len(value) else None
+        is_time = {"sec", "nanosec"} <= set(_names(value))  # read as one
+        found += (not is_time and field_paths(value, f"{path}.")) or [path]
+    return found
 
 
 def _names(value: object) -> list[str]:

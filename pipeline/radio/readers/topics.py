@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from wiclosure.errors import InputError
 from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.pipeline.radio.presets import preset_of_message
-from wiclosure.pipeline.radio.readers.message_fields import FieldPath, rows_of
+from wiclosure.pipeline.radio.readers.message_fields import FieldPath, field_paths, rows_of
 from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.sources.bags import Bag, BagTopic, open_bag
@@ -28,7 +29,8 @@ def topic_rows(path: Path, source: RadioSource, *, salvage: bool = False) -> Ite
     """
     with open_bag(path, salvage=salvage) as bag:
         for topic, ids in _topics(bag, source):
-            paths = _paths(source, f"{bag.path}, topic {topic.name} ({topic.msgtype})")
+            where = f"{bag.path}, topic {topic.name} ({topic.msgtype})"
+            paths = _paths(source, where, partial(_first_fields, bag, topic))
             yield from _rows(bag, topic, source, paths, ids)
 
 
@@ -51,13 +53,20 @@ def with_message_preset(path: Path, source: RadioSource, *, salvage: bool = Fals
 def _topics(bag: Bag, source: RadioSource) -> list[tuple[BagTopic, dict[str, str]]]:
     pattern = NamePattern(source.topic or "")
     found = [(topic, ids) for topic in bag.topics.values() if (ids := pattern.match(topic.name)) is not None]
+    if not found and not (source.topic or "/").startswith("/"):
+        return _topics(bag, source.model_copy(update={"topic": f"/{source.topic}"}))
     if not found:
         shown = ", ".join(list(bag.topics)[:20]) or "nothing"
         raise InputError(f"{bag.path} has no topic {source.topic}; it holds {shown}")
     return found
 
 
-def _paths(source: RadioSource, where: str) -> Mapping[str, FieldPath]:
+def _first_fields(bag: Bag, topic: BagTopic) -> str:
+    _, message = next(bag.messages(topic.name), (0, None))
+    return ", ".join(field_paths(message)[:40]) or "none"
+
+
+def _paths(source: RadioSource, where: str, fields: Callable[[], str]) -> Mapping[str, FieldPath]:
     names: dict[str, str] = {
         key.removesuffix("_"): getattr(source, key) for key in _PLAIN if getattr(source, key) is not None
     }
@@ -70,7 +79,8 @@ def _paths(source: RadioSource, where: str) -> Mapping[str, FieldPath]:
         if isinstance(limit, str):
             names[key] = limit
     if not names.keys() & {"range", "azimuth", "x"}:
-        raise InputError(f"{where}: name the field of the range as range: (or azimuth:, or x: and y:)")
+        known = f"; its fields: {fields()}"
+        raise InputError(f"{where}: name the field of the range as range: (or azimuth:, or x: and y:){known}")
     stamp = source.stamp or ("header.stamp",)
     if stamp != (RECEIVED,):
         names |= dict(zip(("stamp", "stamp_ns"), stamp, strict=False))

@@ -127,8 +127,16 @@ def _radio(result: RunResult) -> list[str]:
 
 
 def ambiguities(alignments: Sequence[FrameAlignment]) -> list[str]:
-    """What would make each alignment certain that is not."""
-    return [_ambiguous(alignment) for alignment in alignments if alignment.ambiguous]
+    """What is wrong with the radio, and what would make each alignment certain that is not."""
+    return [_fault(a) if a.suspected_fault else _ambiguous(a) for a in alignments if a.ambiguous]
+
+
+def _fault(alignment: FrameAlignment) -> str:
+    return (
+        f"Radio or odometry of {alignment.robot_a} and {alignment.robot_b} seems wrong, so nothing is pruned by it:"
+        f" {alignment.suspected_fault.rstrip('.')}. wiclosure radio check LOG -t NAME=FILE holds the log against the"
+        " trajectories, and says which key of the data set corrects it; look at the residuals over time below."
+    )
 
 
 def _ambiguous(alignment: FrameAlignment) -> str:

@@ -47,8 +47,9 @@ def _packed(kind: str, shape: tuple[int, ...], content: bytes) -> Packed:
 
 def unpacked_array(document: Packed) -> Array:
     """The array that was packed, as the page's script unpacks it."""
-    found = np.frombuffer(zlib.decompress(base64.b64decode(document["data"])), np.uint8)
     shape = document["shape"]
+    size = math.prod(shape) * (1 if document["type"] == "bytes" else 4)
+    found = np.frombuffer(zlib.decompressobj().decompress(base64.b64decode(document["data"]), size + 1), np.uint8)
     if document["type"] == "bytes":
         return found.reshape(shape)
     folded = np.ascontiguousarray(found.reshape(4, -1).T).view("<u4").reshape(-1)

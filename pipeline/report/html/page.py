@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.structured_text import parse_json
 from wiclosure.pipeline.report.html.packing import sharing, without_sharing
 
 PAGE = "report.html"
@@ -82,8 +83,8 @@ def read_page(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} cannot be read: {reason}") from error
     _, begin, rest = page.partition(_BEGIN)
     try:
-        report = without_sharing(json.loads(rest.partition(_END)[0]))
-    except (ValueError, KeyError, IndexError, TypeError) as error:
+        report = without_sharing(parse_json(rest.partition(_END)[0]))
+    except (InputError, ValueError, KeyError, IndexError, TypeError) as error:
         raise InputError(f"{path} holds no report of wiclosure, or is damaged; run again") from error
     if not begin or "title" not in report or "runs" not in report:
         raise InputError(f"{path} holds no report of wiclosure; run again")

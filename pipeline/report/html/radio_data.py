@@ -99,7 +99,7 @@ def alternatives(alignment: FrameAlignment) -> list[dict[str, float]]:
 def _over_time(alignment: FrameAlignment, heard: Heard, tracks: Tracks, began_ns: int) -> dict[str, Any]:
     stamps_ns = np.array([m.stamp_ns for _, m in heard], np.int64)
     a_receives = np.array([m.receiver == alignment.robot_a for _, m in heard], bool)
-    here, there = _antennas(alignment, [m for _, m in heard], a_receives, tracks)
+    here, there = antennas(alignment, [m for _, m in heard], a_receives, tracks)
     seen = np.einsum("nji,nj->ni", here[:, :3, :3], there[:, :3, 3] - here[:, :3, 3])
     azimuth, kept = _paths(alignment, heard)
     ends = np.concatenate([here[:, :3, 3], there[:, :3, 3]], axis=1)
@@ -118,7 +118,7 @@ def _over_time(alignment: FrameAlignment, heard: Heard, tracks: Tracks, began_ns
     }
 
 
-def _antennas(
+def antennas(
     alignment: FrameAlignment, heard: Sequence[WirelessMeasurement], a_receives: BoolArray, tracks: Tracks
 ) -> tuple[FloatArray, FloatArray]:
     """Poses `(N, 4, 4)` of the receiving and the sending antenna, in the axes of the bodies, NaN where unknown."""

@@ -50,7 +50,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
             radio_pair(
                 alignment,
                 result.inputs.wireless,
-                _tracks(result, alignment, placement),
+                tracks_of(result, alignment, placement),
                 began_ns=began_ns,
                 of_pairs=len(alignments),
             )
@@ -110,7 +110,7 @@ def _map_note(result: RunResult) -> str:
     return " ".join(notes)
 
 
-def _tracks(result: RunResult, alignment: FrameAlignment, placement: Placement) -> Tracks:
+def tracks_of(result: RunResult, alignment: FrameAlignment, placement: Placement) -> Tracks:
     """Where both were: in the merged world, or, if nothing connects them, as the radio aligns them."""
     a, b = alignment.robot_a, alignment.robot_b
     if placement.together(a, b):

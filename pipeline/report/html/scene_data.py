@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure.backends.merged_map import ROBOT_COLOURS, MergedMap
+from wiclosure.backends.merged_map import MergedMap
+from wiclosure.colours import ROBOT_COLOURS, robot_colour
 from wiclosure.pipeline.report.html.packing import along_curve, packed_bytes, packed_steps, unpacked_array
-from wiclosure.pipeline.report.pictures import robot_colour
 from wiclosure.types import FloatArray, Trajectory
 
 MAP_POINTS = 300_000

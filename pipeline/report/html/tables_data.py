@@ -6,11 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.evaluation.metrics import CandidateMetrics, Metrics
 
 _CLOSING = ("filter", "matching", "verification", "optimisation")
+_ERROR = "error against ground truth (ATE)"
 _UNIT = {
-    "error against ground truth (ATE)": "m",
+    _ERROR: "m",
     "time to find and use closures": "s",
     "time in all": "s",
     "sent between robots": "MB",
@@ -66,7 +68,7 @@ def _trajectory_errors(metrics: Metrics) -> dict[str, Any]:
         "caption": "Absolute trajectory error, m: one alignment for all connected robots",
         "header": ["robot", "merged", "without heights", "each robot aligned on its own", "odometry alone"],
         "rows": [
-            [robot, error, horizontal.get(robot), own.get(robot), odometry.get(robot)]
+            [robot, *map(_metres, (error, horizontal.get(robot), own.get(robot), odometry.get(robot)))]
             for robot, error in metrics["ate_m"].items()
         ],
     }
@@ -77,7 +79,7 @@ def _between_robots(metrics: Metrics) -> dict[str, Any]:
         "caption": "Between robots, against ground truth",
         "header": ["robots", "translation error, m", "rotation error, degrees", "radio ambiguous"],
         "rows": [
-            [pair, of["translation_error_m"], of["rotation_error_deg"], _yes(of["ambiguous"])]
+            [pair, _metres(of["translation_error_m"]), of["rotation_error_deg"], _yes(of["ambiguous"])]
             for pair, of in metrics["alignment"].items()
         ],
     }
@@ -106,6 +108,10 @@ def _relative_errors(metrics: Metrics) -> dict[str, Any]:
     }
 
 
+def _metres(value: float | None) -> str | None:
+    return None if value is None else significant(value)
+
+
 def _yes(value: bool | None) -> str | None:
     return None if value is None else ("yes" if value else "no")
 
@@ -114,7 +120,10 @@ def _yes(value: bool | None) -> str | None:
 def arms_table(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
     """A table: one column for each arm; below each value what it differs from the first arm's by."""
     figures = [_figures(metrics) for _, metrics in arms]
-    rows = [[label, *_cells([of[label] for of in figures], _UNIT.get(label, ""))] for label in figures[0]]
+    rows = [
+        [label, *_cells([of[label] for of in figures], _UNIT.get(label, ""), apart=label == _ERROR)]
+        for label in figures[0]
+    ]
     return {
         "caption": "Arms side by side",
         "header": ["", *(name for name, _ in arms)],
@@ -126,7 +135,7 @@ def arms_table(arms: Sequence[tuple[str, Metrics]]) -> dict[str, Any]:
 def _figures(metrics: Metrics) -> dict[str, float | None]:
     seconds, recall, sent = metrics["seconds"], metrics["candidates"]["recall"], metrics["bytes_exchanged"]
     return {
-        "error against ground truth (ATE)": metrics["ate_m"].get("team"),
+        _ERROR: metrics["ate_m"].get("team"),
         "robots in one map": len(metrics["components"][0]["robots"]),
         "pairs of keyframes kept": metrics["pairs_kept"],
         "true pairs kept": None if recall is None else 100 * recall,
@@ -139,15 +148,21 @@ def _figures(metrics: Metrics) -> dict[str, float | None]:
     }
 
 
-def _cells(values: Sequence[float | None], unit: str) -> list[dict[str, str]]:
-    """Text of each value, all with as many decimals, and the difference from the first."""
-    decimals = _decimals([value for value in values if value is not None])
+def _cells(values: Sequence[float | None], unit: str, *, apart: bool = False) -> list[dict[str, str]]:
+    """Text of each value, and its difference from the first.
+
+    All have as many decimals; those that may be orders of magnitude `apart`, as errors are, have two digits each.
+    """
+    known = [value for value in values if value is not None]
+    decimals = _decimals([min(known, key=abs)] if apart and known else known) - (1 if apart else 0)
+    decimals = max(decimals, 0)
     space = f" {unit}" if unit else ""
 
     def cell(value: float | None) -> dict[str, str]:
         if value is None:
             return {"text": "-", "note": ""}
-        return {"text": f"{value:,.{decimals}f}{space}", "note": _difference(value, values[0], decimals, space)}
+        text = significant(value) if apart else f"{value:,.{decimals}f}"
+        return {"text": f"{text}{space}", "note": _difference(value, values[0], decimals, space)}
 
     first, *others = values
     return [cell(first) | {"note": ""}, *map(cell, others)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 
@@ -17,7 +18,7 @@ def run_verdict(metrics: Metrics, steps: Sequence[str]) -> dict[str, Any]:
     """
     parts, tone = [_connected(metrics)], "good" if len(metrics["components"]) == 1 else "bad"
     if (error_m := metrics["ate_m"].get("team")) is not None:
-        parts.append(f"the error against ground truth is {error_m:.2g} m")
+        parts.append(f"the error against ground truth is {significant(error_m)} m")
     if false := metrics["closures"]["accepted_false"]:
         parts.append(f"{counted_noun(false, 'accepted closure')} {'is' if false == 1 else 'are'} false")
         tone = "bad"
@@ -51,7 +52,7 @@ def headline_numbers(metrics: Metrics) -> list[dict[str, Any]]:
     numbers: list[dict[str, Any]] = [
         {
             "label": "error against ground truth (ATE)",
-            "value": None if error_m is None else f"{error_m:.2g} m",
+            "value": None if error_m is None else f"{significant(error_m)} m",
             "note": "one alignment for all robots",
         },
         {

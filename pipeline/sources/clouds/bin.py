@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.columns import CloudColumns, read_whole, returns, wanted
 from wiclosure.pipeline.sources.clouds.record_size import likely_record_size
+from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns
+
+logger = logging.getLogger(__name__)
 
 KITTI = "x y z intensity"
 
@@ -30,6 +34,8 @@ LAYOUTS: Mapping[str, str] = {
 }
 _FORMATS = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 _FARTHEST_M = 1e6  # no LiDAR sees so far: larger numbers are no coordinates
+_FEWEST_POINTS = 200
+_LOW = 2.0  # times as much as up and down a scene spreads along the ground, or more
 _ODD = 0.01  # share of points that may hold such numbers
 
 
@@ -82,6 +88,34 @@ def check_layout(path: Path, layout: str = KITTI) -> None:
     found = likely_record_size(raw, size)
     if found is not None and found != size:
         raise InputError(f"{path}: its values are not {_said(layout)}{_likely(raw, size)}")
+    if layout in {KITTI, "kitti"}:
+        _doubt_order(path, np.frombuffer(raw, record_type(layout)))
+
+
+def _doubt_order(path: Path, records: np.ndarray) -> None:
+    """Warns where four numbers a point look like `x y z intensity` in another order.
+
+    Coordinates have both signs where a sensor looks around, and reflectances have one; scenes are wider than high.
+    """
+    seen = records[are_returns(records["x"], records["y"], records["z"])]
+    if len(seen) < _FEWEST_POINTS:
+        return
+    negative = {name: float(np.mean(seen[name] < 0)) for name in seen.dtype.names or ()}
+    positive = next((axis for axis in "xyz" if negative[axis] == 0), None)
+    spread = {axis: float(np.std(seen[axis])) for axis in "xyz"}
+    if positive is not None and _ODD < negative["intensity"] < 1 - _ODD:
+        order = ["x", "y", "z"]
+        order.insert("xyz".index(positive), "intensity")
+        logger.warning(
+            "%s: read as %s, but its number %d is never negative, as a reflectance, and its last is; say layout: '%s'"
+            " in the dataset.yaml where that is their order", path, KITTI, "xyz".index(positive) + 1, " ".join(order),
+        )  # fmt: skip
+    elif spread["z"] > max(spread["x"], spread["y"], _LOW * min(spread["x"], spread["y"])):
+        low = min("xy", key=lambda axis: spread[axis])
+        logger.warning(
+            "%s: read as %s, but z spreads more (%.3g m) than x and y, and %s least (%.3g m): where another axis points"
+            " up, state their order by layout: in the dataset.yaml", path, KITTI, spread["z"], low, spread[low],
+        )  # fmt: skip
 
 
 def _refuse_no_coordinates(path: Path, records: np.ndarray, layout: str, raw: bytes) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import LARGEST_BLOCK
 from wiclosure.pipeline.sources.clouds.columns import CloudColumns, read_whole, returns, text_numbers, wanted
 
 _LONGEST_HEADER = 65_536  # bytes
@@ -93,6 +94,8 @@ def _decompressed(path: Path, header: _Header, body: bytes) -> bytes:
     packed, unpacked = struct.unpack_from("<II", body)
     if len(body) < 8 + packed:
         raise InputError(f"{path} is cut short: {packed} bytes are announced, {len(body) - 8} there; copy or remove it")
+    if unpacked > LARGEST_BLOCK:
+        raise InputError(f"{path} announces {unpacked >> 20} MB of points; no LiDAR makes so many")
     if unpacked < needed or unpacked > _LARGEST_RATIO * packed:
         raise InputError(
             f"{path} is damaged: {packed} bytes cannot hold {unpacked}, and its points take {needed}; copy or remove it"

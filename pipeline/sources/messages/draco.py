@@ -11,12 +11,21 @@ from numpy.typing import NDArray
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.messages.field_names import intensity_field, time_fields
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns, timed_scan
+from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
 
 _POSITION = 0  # Draco's number of this kind of attribute
 _MERGED = {"x": ("x", "y", "z"), "nx": ("nx", "ny", "nz"), "normal_x": ("normal_x", "normal_y", "normal_z")}
+
+
+_MOST_POINTS = 10_000_000  # of a message; a megabyte of Draco may announce any number
+
+
+def _announced_points(head: bytes) -> int:
+    """Points that Draco's header announces (its bitstream specification, 1.2, 4); 0 where it does not say at once."""
+    has_metadata = len(head) < 15 or head[:5] != b"DRACO" or head[10] & 0x80
+    return 0 if has_metadata else int.from_bytes(head[11:15], "little")
 
 
 class CompressedCloud(Protocol):
@@ -40,7 +49,7 @@ class DracoDecoder:
     """
 
     def __init__(self, place: str = "", period_s: float | None = None) -> None:
-        self._clock = PointClock(place, period_s)
+        self._scan = TimedScans(place, period_s)
 
     def decode(self, cloud: CompressedCloud, stamp_ns: int) -> Scan:
         """The returns of one message.
@@ -59,8 +68,7 @@ class DracoDecoder:
         points = columns.pop("x").astype(np.float64)
         keep = are_returns(*points.T)
         time, intensity = next(iter(time_fields(columns)), None), intensity_field(columns)
-        return timed_scan(
-            self._clock,
+        return self._scan(
             stamp_ns,
             points[keep],
             None if time is None else columns[time][keep, 0],
@@ -77,6 +85,8 @@ def _columns(cloud: CompressedCloud) -> dict[str, NDArray[Any]]:
             "the clouds are compressed by Draco; install DracoPy (pip install 'wiclosure[draco]'), or decompress them"
             " with point_cloud_transport's republish"
         ) from error
+    if (announced := _announced_points(bytes(cloud.compressed_data[:16]))) > _MOST_POINTS:
+        raise InputError(f"the compressed cloud announces {announced} points; no LiDAR makes so many")
     try:
         attributes = DracoPy.decode(bytes(cloud.compressed_data)).attributes
     except Exception as error:  # of its own kinds, and ValueError

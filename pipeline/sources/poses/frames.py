@@ -71,6 +71,10 @@ class StaticTransforms:
     def __init__(self, edges: Mapping[tuple[str, str], FloatArray]) -> None:
         self._edges = {**edges, **{(child, parent): se3.inverse(T) for (parent, child), T in edges.items()}}
 
+    def __len__(self) -> int:
+        """Number of transforms, each counted once."""
+        return len(self._edges) // 2
+
     @classmethod
     def of(cls, bag: Bag) -> StaticTransforms:
         """Those of a bag; none where it has no such topic."""

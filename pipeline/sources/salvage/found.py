@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from wiclosure.formats.unpacking import LARGEST_BLOCK
+
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
@@ -14,6 +16,8 @@ logger = logging.getLogger(__name__)
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
+LARGEST_RECORD = 2 * LARGEST_BLOCK
+"""Bytes of a record that are read into memory."""
 _REMEMBERED = 3  # the first ones tell enough
 
 

@@ -10,7 +10,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from wiclosure.formats.unpacking import LARGEST_BLOCK, UnpackError, unpack
 from wiclosure.pipeline.sources.salvage.found import (
+    LARGEST_RECORD,
     MCAP_MAGIC,
     Damage,
     FoundMessage,
@@ -18,14 +20,12 @@ from wiclosure.pipeline.sources.salvage.found import (
     TopicChoice,
     everything,
 )
-from wiclosure.pipeline.sources.salvage.zstd import decompress_partly
 
 if TYPE_CHECKING:
     from rosbags.interfaces import MessageDefinition
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
 _MESSAGE_HEAD = 22  # bytes before a message's data: channel, sequence, two times
-_DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 
 
 @dataclass
@@ -75,6 +75,11 @@ def _records(
         length = int.from_bytes(head[1:], "little")
         whole = file.tell() + length <= size
         left = min(length, size - file.tell())
+        if left > LARGEST_RECORD:
+            if known is not None:
+                known.damage(f"a record of {left >> 20} MB was left out")
+            file.seek(left, 1)
+            continue
         content = file.read(min(left, _MESSAGE_HEAD) if head[0] == _MESSAGE else left)
         left -= len(content)
         topic = known.topics.get(int.from_bytes(content[:2], "little")) if known is not None and left else None
@@ -142,8 +147,8 @@ def _chunk_content(chunk: bytes, damage: Damage) -> bytes:
     try:
         uncompressed_size, crc = struct.unpack_from("<QI", chunk, 16)
         (compression,) = _strings(chunk, 28, 1)
-        content = _decompressed(chunk[28 + 4 + len(compression) + 8 :], compression)
-    except (struct.error, *_DAMAGE) as error:
+        content = _decompressed(chunk[28 + 4 + len(compression) + 8 :], compression, uncompressed_size)
+    except (struct.error, ValueError, UnpackError) as error:
         damage(f"a chunk cannot be unpacked: {error}")
         return b""
     if len(content) != uncompressed_size:
@@ -153,13 +158,11 @@ def _chunk_content(chunk: bytes, damage: Damage) -> bytes:
     return content
 
 
-def _decompressed(packed: bytes, compression: str) -> bytes:
+def _decompressed(packed: bytes, compression: str, size: int) -> bytes:
     if compression == "zstd":
-        return decompress_partly(packed)
+        return unpack(packed, "zstd", min(size, LARGEST_BLOCK), partly=True)
     if compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        return bytes(LZ4FrameDecompressor().decompress(packed))
+        return unpack(packed, "lz4", min(size, LARGEST_BLOCK), partly=True)
     if compression:
         raise ValueError(f"unknown compression {compression!r}")
     return packed

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import bz2
 import struct
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from wiclosure.formats.unpacking import LARGEST_BLOCK, UnpackError, unpack
 from wiclosure.pipeline.sources.salvage.found import (
+    LARGEST_RECORD,
     ROS1_MAGIC,
     Damage,
     FoundMessage,
@@ -19,7 +20,6 @@ from wiclosure.pipeline.sources.salvage.found import (
 )
 
 _MESSAGE, _HEAD, _CHUNK, _CONNECTION = 2, 3, 5, 7
-_DAMAGE = (OSError, EOFError, ValueError, RuntimeError)  # what the decompressors raise
 
 
 class _Record(NamedTuple):
@@ -100,7 +100,10 @@ def _sized(file: BinaryIO, size: int) -> tuple[bytes, bool] | None:
     if len(length) < 4:
         return None
     announced = int.from_bytes(length, "little")
-    content = file.read(min(announced, size - file.tell()))
+    left = min(announced, size - file.tell())
+    if left > LARGEST_RECORD:
+        return None
+    content = file.read(left)
     return content, len(content) == announced
 
 
@@ -121,11 +124,11 @@ def _chunk_content(record: _Record, damage: Damage) -> bytes:
     compression = record.header.get("compression", b"none")
     if compression == b"none":
         return record.data
-    from lz4.frame import LZ4FrameDecompressor
-
-    decompressor = bz2.BZ2Decompressor() if compression == b"bz2" else LZ4FrameDecompressor()
+    announced = int.from_bytes(record.header.get("size", b""), "little") or LARGEST_BLOCK
     try:
-        return bytes(decompressor.decompress(record.data))
-    except _DAMAGE as error:
+        return unpack(
+            record.data, "bz2" if compression == b"bz2" else "lz4", min(announced, LARGEST_BLOCK), partly=True
+        )
+    except UnpackError as error:
         damage(f"a chunk cannot be unpacked: {error}")
         return b""

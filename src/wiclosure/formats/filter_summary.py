@@ -43,6 +43,7 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "fit": None if alignment.fit is None else _fit(alignment.fit),
         "suspected_fault": alignment.suspected_fault,
         "calibration": [_calibration(one) for one in alignment.calibration],
+        "strain_probability": alignment.strain_probability,
         "corrections": list(alignment.corrections),
     }
 

@@ -9,6 +9,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.text_table import is_number
 
 POSE = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+_FRACTION = {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}
 _SAMPLE = 20_000  # characters, in which names are looked for
 
 
@@ -17,24 +18,32 @@ def line_of_names(text: str) -> str:
     return next((line for line in text[:_SAMPLE].splitlines() if _names(line)), "")
 
 
-def pose_order(path: Path, line: str, default: tuple[str, ...]) -> list[int]:
-    """Where `x y z qx qy qz qw` stand among the first eight columns, 0 being that of the stamp.
+def pose_columns(path: Path, line: str, default: tuple[str, ...]) -> list[int]:
+    """Where `stamp x y z qx qy qz qw` stand in a row.
 
     Args:
         path: the file, in messages.
-        line: names the columns, as `tx`, `q_RS_w []` or `orientation.w`; empty, or other words: as by default.
+        line: names the columns, as `tx`, `q_RS_w []` or `orientation.w`; empty, or words of a remark: as by default.
         default: `POSE` in the order that the format has.
 
     Raises:
-        InputError: the stamp is not the first.
+        InputError: names that are not behind a remark's mark, and miss one of the columns.
     """
     names = _names(line)
-    roles = tuple(_role(name) for name in names[: len(POSE)])
-    if sorted(roles) != sorted(POSE):
-        roles = default
-    if roles[0] != "stamp":
-        raise InputError(f"{path}: its columns are {', '.join(names)}; expected the stamp first ({' '.join(POSE)})")
-    return [roles.index(column) for column in POSE[1:]]
+    roles = [_role(name) for name in names]
+    if set(POSE) <= set(roles):
+        if _FRACTION & {re.sub(r"[^a-z]", "", name.lower()) for name in names}:
+            raise InputError(f"{path} has seconds and nanoseconds in two columns; write them as one number of seconds")
+        return [roles.index(column) for column in POSE]
+    if names and not line.lstrip().startswith("#"):
+        raise InputError(
+            f"{path}: of its columns ({', '.join(names[:20])}) none is {_missing(roles)}; expected {' '.join(POSE)}"
+        )
+    return [default.index(column) for column in POSE]
+
+
+def _missing(roles: list[str]) -> str:
+    return " or ".join(column for column in POSE if column not in roles)
 
 
 def _names(line: str) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import json
 import logging
 import re
 from collections import Counter
@@ -15,6 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import parse_json
 
 logger = logging.getLogger(__name__)
 
@@ -88,8 +88,8 @@ def open_table(
     Raises:
         InputError: the file cannot be read, is no text, or holds no rows.
     """
-    encoding = _encoding(path)
     with _reading(path):
+        encoding = encoding_of(path)
         head = list(_head(path, encoding))
     content = [(number, line) for number, line in head if not line.lstrip().startswith("#")]
     if not content:
@@ -99,6 +99,8 @@ def open_table(
     delimiter = delimiter or _delimiter([line for _, line in content])
     lines = [(number, _cells(line, delimiter)) for number, line in content]
     start = _start([cells for _, cells in lines])
+    if not _measures([cells for _, cells in lines[start:]]):
+        raise InputError(f"{path} is text without rows of numbers; expected a table of measurements, one a line")
     before = [line for number, line in head if number < lines[start][0]]
     if start:
         logger.warning(
@@ -155,6 +157,12 @@ def _start(lines: Sequence[Sequence[str]]) -> int:
     return next(n for n, cells in enumerate(lines) if len(cells) == width or (open_end and len(cells) == width - 1))
 
 
+def _measures(lines: Sequence[Sequence[str]]) -> bool:
+    """Whether at least every other row below the first, if there are any, has a cell that begins as a number does."""
+    rows = lines[1:]
+    return 2 * sum(any(cell.lstrip("+-.'\"")[:1].isdigit() for cell in cells) for cells in rows) >= len(rows)
+
+
 def _names_columns(first: Sequence[str], body: Sequence[Sequence[str]]) -> bool:
     """Whether the first line names columns: it has no numbers, or words where others have numbers, or it counts."""
     if not any(map(is_number, first)):
@@ -185,8 +193,8 @@ def _plain(units: Sequence[str]) -> tuple[str, ...]:
 def _json_cells(line: str) -> dict[str, str]:
     """The values of a JSON object by their paths, as `header.stamp`; empty where it is none."""
     try:
-        content = json.loads(line)
-    except ValueError:
+        content = parse_json(line)
+    except InputError:
         return {}
     found: dict[str, str] = {}
     waiting = [("", content)]
@@ -247,13 +255,14 @@ def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
         yield from enumerate(file, start=1)
 
 
-def _encoding(path: Path) -> str:
+def encoding_of(path: Path) -> str:
     """UTF-8; UTF-16 where the first bytes say so, as spreadsheets write it; else that of Windows in the west.
 
     Raises:
         InputError: bytes that no text has.
+        OSError: it cannot be read.
     """
-    with _reading(path), path.open("rb") as file:
+    with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
         return "utf-16"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.euroc import is_euroc, read_euroc
+from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.formats.tum import read_tum
 from wiclosure.types import Trajectory
 
@@ -21,13 +23,14 @@ def trajectory_kind(path: Path) -> TrajectoryKind:
         InputError: the file cannot be read.
     """
     try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
+        with path.open(encoding=encoding_of(path), errors="replace") as file:
             for line in file:
                 words = line.partition("#")[0].split()
                 if is_euroc(line):
                     return "euroc"
                 if words and words[0][0] in "+-.0123456789":
-                    return "kitti" if len(words) in {12, 13, 16, 17} and "," not in line else "tum"
+                    words = [word for word in re.split(r"[\s,]+", line.partition("#")[0]) if word]
+                    return "kitti" if len(words) in {12, 13, 16, 17} and all(map(is_number, words)) else "tum"
     except OSError as error:
         raise InputError(f"cannot read the trajectory {path}: {error.strerror}; check the path") from error
     return "tum"

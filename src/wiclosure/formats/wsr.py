@@ -6,7 +6,6 @@ says nothing in runs of planar displacement.  The files carry no time: the calle
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.structured_text import read_json
 from wiclosure.types import AoaPath, FloatArray, WirelessLog, WirelessMeasurement
 
 
@@ -88,11 +88,9 @@ def read_wsr_profiles(path: Path | str) -> tuple[WsrProfile, ...]:
         InputError: the file cannot be read or is not a WSR result; names the file and the trial.
     """
     try:
-        trials = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read the WSR results {path}: {error.strerror}; check the path") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({type(error).__name__}); expected a WSR-Toolbox result") from error
+        trials = read_json(Path(path))
+    except InputError as error:
+        raise InputError(f"{error}; expected a WSR-Toolbox result") from error
     if not isinstance(trials, dict):
         raise InputError(f"{path} is not a WSR-Toolbox result: expected an object of trials")
     profiles: list[WsrProfile] = []

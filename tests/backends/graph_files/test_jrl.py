@@ -88,9 +88,9 @@ def test_labels_may_be_missing(log, tmp_path, unlabelled):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda c: "", "is no JSON"),
-        (lambda c: json.dumps(c)[:-30], "is no JSON: .*; the file is cut"),
-        (lambda c: "[" * 100_000, "is no JSON"),
+        (lambda c: "", "not valid JSON"),
+        (lambda c: json.dumps(c)[:-30], "not valid JSON.*; the file is cut"),
+        (lambda c: "[" * 100_000, "nested deeper"),
         (lambda c: [], "has no measurements by robot"),
         (lambda c: c | {"measurements": {"a": [{"measurements": [{}]}]}}, "is no JSON Robot Log .KeyError: 'type'"),
         (lambda c: c | {"outlier_factors": [[0, 1]]}, "is no JSON Robot Log"),

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import os
+import pty
+import shutil
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -69,3 +74,43 @@ def test_how_commands_end(
     ended, out, err = wiclosure("cache")
     assert (ended, out) == (code, "")
     assert says in err
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("wiclosure optim", "optimize"),
+        ("wiclosure run --filter ora", "oracle"),
+        ("wiclosure run --config str", "strong"),
+    ],
+)
+def test_a_shell_completes_commands_filters_and_presets(typed: str, offered: str) -> None:
+    asked = {"_WICLOSURE_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
+    found = subprocess.run(
+        [shutil.which("wiclosure") or "wiclosure"],
+        env={**os.environ, **asked},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (found.returncode, found.stdout.split()) == (0, [offered])
+
+
+@pytest.mark.parametrize("words", [("--help",), ("run", "--help"), ("runn",), ("cache",)])
+def test_no_color_leaves_no_codes_on_a_terminal(words: tuple[str, ...]) -> None:
+    screen, inner = pty.openpty()
+    colourless = {**os.environ, "NO_COLOR": "1", "TERM": "xterm-256color"}
+    with subprocess.Popen(["wiclosure", *words], stdin=inner, stdout=inner, stderr=inner, env=colourless):
+        os.close(inner)
+        said = b""
+        with contextlib.suppress(OSError):  # the other end is closed
+            while part := os.read(screen, 65536):
+                said += part
+    os.close(screen)
+    assert said
+    assert b"\x1b" not in said
+
+
+def test_help_says_what_exit_codes_mean(wiclosure: Call) -> None:
+    said = " ".join(wiclosure("--help")[1].split())
+    assert f"0 done, 1 refused or failed (one line on standard error says why), {INTERRUPTED} interrupted" in said

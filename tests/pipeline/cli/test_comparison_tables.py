@@ -38,8 +38,8 @@ def test_each_arm_has_a_row() -> None:
     plan = Plan({"strong": Config()}, ("none", "oracle"), ())
     outcomes = (Outcome(0, "strong", "none", Path(), run(None)), Outcome(0, "strong", "oracle", Path(), run(0.5)))
     lines = [line.split() for line in shown(comparison_table(Comparison(plan, outcomes))).splitlines()]
-    assert ["none", "1", "not", "connected", "8", "2", "10.0", "4", "-"] in lines
-    assert ["oracle", "1", "0.5", "8", "2", "10.0", "4", "0.0"] in lines
+    assert ["none", "1", "not", "connected", "8", "2", "10.0", "4.0", "-"] in lines
+    assert ["oracle", "1", "0.50", "8", "2", "10.0", "4.0", "0.0"] in lines
 
 
 def test_columns_of_the_paper_and_ours_have_two_lines() -> None:

@@ -60,6 +60,7 @@ def test_what_is_equal_is_computed_once_and_charged_to_every_arm(rooms: tuple[Co
     assert first["closures"]["verified"] == again["closures"]["verified"] == 1
     for stage in ("odometry", "descriptors", "verification"):
         assert first["seconds"][stage] == again["seconds"][stage] > 0
+    assert first["seconds_spent"].keys() == again["seconds_spent"].keys() == first["seconds"].keys()
     assert first["seconds_spent"]["odometry"] == first["seconds"]["odometry"]
     assert again["seconds_spent"]["odometry"] == again["seconds_spent"]["descriptors"] == 0
     assert again["seconds_spent"]["verification"] < first["seconds"]["verification"] / 2

@@ -52,7 +52,7 @@ def test_every_row_of_the_paper_stands_beside_ours(name: str, lost_alone: float 
         assert all(len(row) == len(header) == 3 + len(ARMS) for row in rows)
         assert [tuple(row[:3]) for row in rows[:5]] == list(experiment.paper)
         by_label = {row[0]: row[3:] for row in rows}
-        assert by_label["ATE (m)"] == ["17" if lost_alone else "not connected", "0.5", "0.5"]
+        assert by_label["ATE (m)"] == ["17" if lost_alone else "not connected", "0.50", "0.50"]
         assert set(by_label["Missed true LC (%)"]) == {"12.5"}
         assert by_label["Total Computation Time (s)"][0] == "41.0 [40.0, 42.0]"
     text = reproduction_report(experiment, compared)

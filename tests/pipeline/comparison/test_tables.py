@@ -33,7 +33,7 @@ from wiclosure.pipeline.evaluation.funnel import STAGES
     ],
 )
 def test_a_spread_as_text(spread: Spread | None, text: str) -> None:
-    assert spread_text(spread, "{:.2f}") == text
+    assert spread_text(spread, "{:.2f}".format) == text
 
 
 def test_markdown_has_its_first_column_to_the_left() -> None:
@@ -44,8 +44,8 @@ def test_one_row_per_arm(repeated: Comparison) -> None:
     header, rows = arm_rows(summaries(repeated), ("ate_m",))
     assert header == ["arm", "runs", "ATE, m", "saving, %"]
     assert rows[:2] == [
-        ["strong none", "6", "12.5 [10, not connected]", "-"],
-        ["strong wiclosure", "6", "0.5", "50.0"],
+        ["strong none", "6", "12 [10, not connected]", "-"],
+        ["strong wiclosure", "6", "0.50", "50.0"],
     ]
 
 
@@ -72,6 +72,6 @@ def test_json_and_markdown_say_the_same_and_hold_no_infinity(repeated: Compariso
     assert content["runs"][0]["metrics"] == repeated.outcomes[0].metrics
     text = comparison_markdown(repeated)
     assert "not connected" in text
-    assert "| strong wiclosure | 6 | 0.5 |" in text
+    assert "| strong wiclosure | 6 | 0.50 |" in text
     assert "6.00 / 5.00" in text  # total of the filter's arm, uncached and spent
     assert all(figure.label in text for figure in FIGURES.values())

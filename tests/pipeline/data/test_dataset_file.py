@@ -65,7 +65,7 @@ def test_a_bad_value_is_named(folder: Path, entry: str, says: str) -> None:
 
 
 def test_files_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot read the data set .*gone\.yaml"):
+    with pytest.raises(InputError, match=r"cannot read .*gone\.yaml"):
         read_dataset_file(tmp_path / "gone.yaml")
     with pytest.raises(OutputError, match=r"cannot write the data set .*nowhere"):
         write_dataset(tmp_path / "nowhere" / "dataset.yaml", {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -80,6 +80,33 @@ def write_bag(
         }
         for topic, stamp_ns, raw in messages(scans, way, encoding, body_frame):
             writer.write(topics[topic], stamp_ns, raw)  # type: ignore[arg-type]  # each connection is of its own writer
+
+
+def static_transform(parent: str, child: str) -> Any:
+    types = typestore("ros1").types
+    return types["tf2_msgs/msg/TFMessage"](
+        [
+            types["geometry_msgs/msg/TransformStamped"](
+                encode_header(0, typestore("ros1"), parent),
+                child,
+                types["geometry_msgs/msg/Transform"](
+                    types["geometry_msgs/msg/Vector3"](0.0, 0.0, 1.5),
+                    types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+                ),
+            )
+        ]
+    )
+
+
+def write_static_bag(path: Path, scans: list[Scan], way: Trajectory, body_frame: str) -> None:
+    store, names = typestore("ros1"), {"/points": POINT_CLOUD_TYPE, "/odom": ODOMETRY_TYPE}
+    with Writer1(path) as writer:
+        topics = {topic: writer.add_connection(topic, msgtype, typestore=store) for topic, msgtype in names.items()}
+        static = writer.add_connection("/tf_static", "tf2_msgs/msg/TFMessage", typestore=store)
+        raw = serialize(store, "ros1", static_transform("base_link", "lidar"), "tf2_msgs/msg/TFMessage")
+        writer.write(static, int(way.stamps_ns[0]), raw)
+        for topic, stamp_ns, raw in messages(scans, way, "ros1", body_frame):
+            writer.write(topics[topic], stamp_ns, raw)
 
 
 def small_room(count: int = 6) -> tuple[list[Scan], Trajectory]:
@@ -239,6 +266,18 @@ def test_clouds_in_the_frame_that_the_odometry_follows_need_no_transform(
     open_inputs([str(tmp_path)])
     assert "tf_static" not in caplog.text
     assert "static transform" not in caplog.text
+
+
+@pytest.mark.parametrize(("body_frame", "height_m", "said"), [("base_link", 1.5, False), ("", 0.0, True)])
+def test_static_transforms_need_the_odometrys_child_frame(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, body_frame: str, height_m: float, said: bool
+) -> None:
+    write_static_bag(tmp_path / "a.bag", *small_room(), body_frame)
+    (tmp_path / "dataset.yaml").write_text("robots: {alpha: {scans: a.bag, topic: /points, odometry_topic: /odom}}")
+    (robot,) = open_inputs([str(tmp_path)]).robots
+    assert robot.odometry is not None
+    assert robot.odometry.positions[0, 2] == pytest.approx(height_m)
+    assert ("name no child frame, so the 1 static transforms" in caplog.text) == said
 
 
 @pytest.mark.parametrize("far_m", [(458_058.6, 5_429_380.2, 162.9), (-12_000.0, 3.0, 0.0)])

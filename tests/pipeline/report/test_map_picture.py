@@ -7,11 +7,11 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from wiclosure.backends.merged_map import ROBOT_COLOURS, MergedMap
+from wiclosure.backends.merged_map import MergedMap
+from wiclosure.colours import ROBOT_COLOURS, robot_colour
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.map_picture import draw_map
-from wiclosure.pipeline.report.pictures import robot_colour
 
 LINE = np.column_stack([np.linspace(-30, 30, 50), np.zeros(50), np.zeros(50)])
 NOWHERE = np.zeros((0, 3))

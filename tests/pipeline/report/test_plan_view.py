@@ -9,9 +9,9 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 
+from wiclosure.colours import robot_colour
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures
-from wiclosure.pipeline.report.pictures import robot_colour
 from wiclosure.pipeline.report.plan_view import draw_plan
 from wiclosure.simulation.ground import rough_ground
 from wiclosure.simulation.lidar import lidar_model

@@ -64,13 +64,13 @@ def test_a_run_shows_its_figures_and_its_remarks_as_they_are_written():
         "90.0% of 100 true pairs kept",
         "8 accepted",
         "8 true, 0 false",
-        "0.375 m",
+        "0.38 m",
     ):
         assert part in text
     assert "beta [2]" in text
-    assert "alignment certain; sigma 2.2° in yaw, 0.500 m on the ground, 2.000 m in height; 17 links used" in text
+    assert "alignment certain; sigma 2.2° in yaw, 0.50 m on the ground, 2.0 m in height; 17 links used" in text
     assert "[bold]8 of 10[/bold] closures agree" in text
-    assert "0.750 m and 0.50°" in text
+    assert "0.75 m and 0.50°" in text
 
 
 def test_a_run_without_ground_truth_shows_that_errors_are_unknown():

@@ -67,8 +67,20 @@ def test_before_merging_each_robot_has_a_place_of_its_own(tmp_path):
     draw_run(tmp_path / "t.png", far)
     image = pixels(tmp_path / "t.png")[:-60]
     left = image[:, : image.shape[1] // 2]
-    alpha, beta = (np.argwhere(np.abs(left - to_rgb(colour)).max(axis=2) < 0.05)[:, 0] for colour in (ALPHA, BETA))
-    assert alpha.max() < beta.min()
+    alpha, beta = (np.argwhere(np.abs(left - to_rgb(colour)).max(axis=2) < 0.05) for colour in (ALPHA, BETA))
+    assert (alpha.max(axis=0) < beta.min(axis=0)).any()  # beside each other or one below the other
+    height, width = np.ptp(alpha, axis=0)
+    assert min(height, width) > 0.2 * left.shape[0]  # and both large enough to be seen
+
+
+def test_a_robot_that_is_not_connected_covers_no_other(tmp_path):
+    """What is drawn of the connected one is the same whether the other is there or not."""
+    apart = replace(VIEW, paths={"alpha": VIEW.paths["alpha"]}, closures=np.zeros((0, 2, 2)), false=np.zeros(0, bool))
+    draw_merged(tmp_path / "t.png", {"one": replace(apart, truth={})})
+    image = pixels(tmp_path / "t.png")
+    alpha, beta = (np.argwhere(np.abs(image - to_rgb(colour)).max(axis=2) < 0.05)[:, 1] for colour in (ALPHA, BETA))
+    alpha, beta = (side[side < image.shape[1]] for side in (alpha, beta))
+    assert np.quantile(alpha, 0.9) < np.quantile(beta, 0.1)
 
 
 def test_false_closures_stand_out(tmp_path):

@@ -5,8 +5,8 @@ import logging
 import pytest
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
+from wiclosure.formats.unpacking import zstd
 from wiclosure.pipeline.sources.bag import counted_topics, decompressed, same_topic
-from wiclosure.pipeline.sources.salvage import zstd
 from wiclosure.pipeline.sources.salvage.found import FoundTopic
 
 
@@ -34,5 +34,5 @@ def test_topics_are_alike_whatever_their_definitions() -> None:
 
 
 def test_compressed_messages_are_unpacked_and_others_left_alone() -> None:
-    assert decompressed(zstd.zstd.compress(b"hello" * 9)) == b"hello" * 9
+    assert decompressed(zstd.compress(b"hello" * 9)) == b"hello" * 9
     assert decompressed(b"\0\1\0\0hello") == b"\0\1\0\0hello"

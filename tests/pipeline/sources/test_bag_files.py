@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import InputError
+from wiclosure.formats.unpacking import zstd
 from wiclosure.pipeline.sources.bag_files import METADATA, bag_kind, has_write_ahead_log, is_listed, plain_files
-from wiclosure.pipeline.sources.salvage import zstd
 
 
 def metadata(folder: Path, *names: str) -> None:
@@ -80,7 +80,7 @@ def test_damaged_metadata_is_said_and_does_not_stop(tmp_path: Path, caplog) -> N
 
 
 def test_packed_files_are_unpacked_while_they_are_read(tmp_path: Path) -> None:
-    (tmp_path / "a_0.mcap.zstd").write_bytes(zstd.zstd.compress(b"content"))
+    (tmp_path / "a_0.mcap.zstd").write_bytes(zstd.compress(b"content"))
     with ExitStack() as stack:
         (file,) = plain_files(tmp_path, stack)
         assert (file.name, file.read_bytes()) == ("a_0.mcap", b"content")

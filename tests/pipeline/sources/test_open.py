@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
+from wiclosure.formats.radio_units import LengthUnit
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.sources.open import open_source
@@ -134,3 +135,39 @@ def test_what_is_no_recording_is_named(tmp_path: Path, make: Callable[[Path], Pa
 def _file(path: Path, content: bytes) -> Path:
     path.write_bytes(content)
     return path
+
+
+def around(centre: tuple[float, float, float] = (0.0, 0.0, 0.0), factor: float = 1.0) -> list[Scan]:
+    rng = np.random.default_rng(0)
+    clouds = [factor * rng.normal(0, 20, (500, 3)) + np.array(centre) for _ in range(3)]
+    return [Scan(n * 10**8, cloud, None, np.zeros(500, np.float32)) for n, cloud in enumerate(clouds, 1)]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1000.0), ("cm", 100.0)])
+def test_clouds_in_another_unit_are_refused_and_read_where_it_is_named(
+    tmp_path: Path, unit: LengthUnit, factor: float
+) -> None:
+    path = cloud_files(tmp_path, around(factor=factor), ".pcd")
+    with pytest.raises(InputError, match=r"where no LiDAR sees: in mm it is .* add scan_unit: mm, or cm, to this"):
+        list(open_source(path))
+    for scan, original in zip(open_source(path, unit=unit), around(), strict=True):
+        np.testing.assert_allclose(scan.points, original.points, atol=1e-3)
+    assert len(list(open_source(path, unit="m"))) == 3
+
+
+def test_clouds_of_a_map_are_refused(tmp_path: Path) -> None:
+    path = cloud_files(tmp_path, around((4e5, 5e6, 0.0)), ".ply")
+    with pytest.raises(InputError, match="coordinates of a map; scans must be in the sensor's own axes"):
+        list(open_source(path))
+
+
+def test_a_folder_of_recordings_is_told_from_one(tmp_path: Path) -> None:
+    cloud_files(tmp_path, around(), ".pcd")
+    with pytest.raises(InputError, match="name one of the recordings in it: clouds; supported"):
+        open_source(tmp_path)
+
+
+def test_hidden_files_are_no_clouds(tmp_path: Path) -> None:
+    path = cloud_files(tmp_path, around(), ".ply")
+    (path / "._000001.ply").write_bytes(b"of another system")
+    assert len(list(open_source(path))) == 3

@@ -308,7 +308,7 @@ def test_a_message_that_is_no_cloud_is_named(tmp_path: Path, scans: list[Scan]) 
         good = ROS1.serialize_ros1(encode_scan(scans[0], ROS1), POINT_CLOUD_TYPE)
         writer.write(connection, 1, good)
         writer.write(connection, 2, good[: len(good) // 2])
-        writer.write(connection, 3, good)
+        writer.write(connection, 3, ROS1.serialize_ros1(encode_scan(scans[1], ROS1), POINT_CLOUD_TYPE))
     with pytest.raises(InputError, match=r"a\.bag, topic /points, message 1"):
         list(open_source(tmp_path / "a.bag"))
     assert len(list(open_source(tmp_path / "a.bag", salvage=True))) == 2

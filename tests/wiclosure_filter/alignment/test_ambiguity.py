@@ -9,8 +9,8 @@ import pytest
 
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, log_evidence
-from wiclosure.wiclosure_filter.alignment.refinement import Peaks
 from wiclosure.wiclosure_filter.config import AmbiguitySettings
+from wiclosure.wiclosure_filter.consensus.refinement import Peaks
 
 SHARP = np.diag([1e4, 1e2, 1e2, 1e2])
 

@@ -12,8 +12,8 @@ from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT
 from wiclosure.wiclosure_filter.alignment.drifting_frames import BorderedSystem, follow_drift
-from wiclosure.wiclosure_filter.alignment.refinement import climb
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.consensus.refinement import climb
 
 PERFECT = CalibrationPriors(
     range_bias_m=1e-5, range_scale=1e-6, clock_s=1e-6, mounting_rad=1e-6, scale=1e-6

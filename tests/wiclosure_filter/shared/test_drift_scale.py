@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 SIGMA = 0.1
 
@@ -25,8 +25,8 @@ def scale_of(residual_sigmas: float, held_sigma: float = 1e-5, prior_weight: flo
     whole = gtsam.NonlinearFactorGraph()
     whole.push_back(odometry)
     whole.push_back(others)
-    covariance = JointCovariance.of(whole.linearize(values), np.array([True, True]))
-    return drift_scale(odometry, others, values, covariance, robots=1, prior_weight=prior_weight)
+    root = SquareRoot.of(whole.linearize(values))
+    return drift_scale(odometry, odometry, values, root, robots=1, prior_weight=prior_weight)
 
 
 @pytest.mark.parametrize("sigmas", [0.0, 1.0, 3.0, 10.0])

@@ -1,4 +1,4 @@
-"""The factored covariance is the inverse of the information matrix."""
+"""The covariance from the sparse root is the inverse of the information matrix."""
 
 from __future__ import annotations
 
@@ -6,50 +6,131 @@ import gtsam
 import numpy as np
 import pytest
 
+from wiclosure import se3
+from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
-CHAINS = (9, 7)
+CHAINS = (9, 7, 3)
+FIRST = np.cumsum([0, *CHAINS])
+LINKS = [[(2, 11), (11, 17)], [(0, 9), (4, 9), (8, 15), (8, 18)], [(i, 9 + i % 7) for i in range(9)] + [(3, 16)]]
 
 
-def chains_with_links(links: list[tuple[int, int]]) -> tuple[gtsam.GaussianFactorGraph, np.ndarray]:
-    """Two chains of poses, joined by random factors."""
+def graph_of(links: list[tuple[int, int]]) -> gtsam.GaussianFactorGraph:
+    """Three chains of poses, joined by random factors."""
     rng = np.random.default_rng(0)
-    graph, size = gtsam.GaussianFactorGraph(), sum(CHAINS)
+    graph = gtsam.GaussianFactorGraph()
 
     def random_factor(keys: tuple[int, ...]) -> gtsam.JacobianFactor:
         parts = [part for key in keys for part in (key, 2 * np.eye(6) + 0.3 * rng.normal(size=(6, 6)))]
         return gtsam.JacobianFactor(*parts, np.zeros(6), gtsam.noiseModel.Unit.Create(6))
 
-    for first, length in ((0, CHAINS[0]), (CHAINS[0], CHAINS[1])):
+    for first, length in zip(FIRST.tolist(), CHAINS, strict=False):
         graph.add(random_factor((first,)))
         for key in range(first, first + length - 1):
             graph.add(random_factor((key, key + 1)))
     for link in links:
         graph.add(random_factor(link))
-    linked = np.zeros(size, bool)
-    linked[np.ravel(links)] = True
-    return graph, linked
+    return graph
 
 
-@pytest.mark.parametrize("links", [[(2, 11)], [(0, 9), (4, 9), (8, 15)], [(i, 9 + i % 7) for i in range(9)]])
-def test_factored_covariance_is_exact(links: list[tuple[int, int]]) -> None:
-    graph, linked = chains_with_links(links)
+def inverse(graph: gtsam.GaussianFactorGraph) -> FloatArray:
     ordering = gtsam.Ordering()
-    for key in range(sum(CHAINS)):
+    for key in range(FIRST[-1]):
         ordering.push_back(key)
-    whole = np.linalg.inv(graph.hessian(ordering)[0]).reshape(16, 6, 16, 6)
-    got = JointCovariance.of(graph, linked)
-    np.testing.assert_allclose(got.own, np.einsum("ninj->nij", whole), rtol=1e-6, atol=1e-9)
-    n, m = (grid.ravel() for grid in np.meshgrid(np.arange(9), np.arange(9, 16), indexing="ij"))
-    np.testing.assert_allclose(got.between(n, m), whole[n, :, m], rtol=1e-6, atol=1e-9)
-    table = got.of_displacements(slice(0, 9), slice(9, 16), 2)
-    both = whole[np.ix_([2], [3, 4], [10], [3, 4])][0, :, 0]
-    expected = whole[2, 3:5, 2, 3:5] + whole[10, 3:5, 10, 3:5] - both - both.T
-    np.testing.assert_allclose(table[2, 1], expected, rtol=1e-6)
+    return np.asarray(np.linalg.inv(graph.hessian(ordering)[0]).reshape(FIRST[-1], 6, FIRST[-1], 6))
+
+
+def axes() -> FloatArray:
+    return se3.from_yaw(np.linspace(0, 2, FIRST[-1]), np.zeros((FIRST[-1], 3)))[:, :3, :3]
+
+
+def both(R: FloatArray) -> FloatArray:
+    turn = np.zeros((len(R), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = R
+    return turn
+
+
+def table(covariance: JointCovariance, a: int, b: int) -> FloatArray:
+    return covariance.of_robot(a).displacements(covariance.of_robot(b), 2)
+
+
+def displacement(whole: FloatArray, n: int, m: int) -> FloatArray:
+    xy = slice(3, 5)
+    return np.asarray(whole[n, xy, n, xy] + whole[m, xy, m, xy] - whole[n, xy, m, xy] - whole[m, xy, n, xy])
+
+
+@pytest.mark.parametrize("links", LINKS)
+def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
+    graph = graph_of(links)
+    turn = both(axes())
+    whole = np.einsum("nij,njmk,mlk->niml", turn, inverse(graph), turn)
+    got = JointCovariance(SquareRoot.of(graph), FIRST, axes())
+    for robot in range(3):
+        own = np.arange(FIRST[robot], FIRST[robot + 1])
+        np.testing.assert_allclose(got.of_robot(robot).own, whole[own, :, own], rtol=1e-8, atol=1e-12)
+    n, m = np.array([0, 5, 5, 8]), np.array([10, 9, 15, 10])
+    for block, expected in zip(got.of_pairs(0, n, 1, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
+        np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(table(got, 0, 1)[2, 1], displacement(whole, 2, 10), rtol=1e-8)
+    np.testing.assert_allclose(table(got, 1, 2)[6, 0], displacement(whole, 15, 16), rtol=1e-8)
+
+
+@pytest.mark.parametrize("links", LINKS)
+def test_chains_have_the_blocks_of_neighbours(links: list[tuple[int, int]]) -> None:
+    graph = graph_of(links)
+    whole = inverse(graph)
+    own, following = SquareRoot.of(graph).chains()
+    np.testing.assert_allclose(own, np.einsum("ninj->nij", whole), rtol=1e-8, atol=1e-12)
+    for key in set(range(FIRST[-1] - 1)) - set((FIRST - 1).tolist()):
+        np.testing.assert_allclose(following[key], whole[key, :, key + 1], rtol=1e-8, atol=1e-12)
+
+
+def test_systematic_errors_add_what_they_pull() -> None:
+    """Covariance C becomes C + C P P^T C for two robots that both count the errors, and stays C for others."""
+    graph = graph_of(LINKS[0])
+    rng = np.random.default_rng(1)
+    pulls = {(0, 1): {2: rng.normal(size=(6, 2)), 11: rng.normal(size=(6, 2))}, (1, 2): {17: rng.normal(size=(6, 2))}}
+    plain = JointCovariance(SquareRoot.of(graph), FIRST, axes())
+    sets = {}
+    for pair, of_poses in pulls.items():
+        solved, places = plain.root.solved(np.array(list(of_poses)), np.array(list(of_poses.values())))
+        sets[pair] = ErrorSet.of(places, solved, {}, np.eye(solved.shape[2]))
+    wide = plain.widened(sets, {0: {(0, 1), (1, 2)}, 1: {(0, 1), (1, 2)}, 2: set()})
+    turn, C = both(axes()), inverse(graph)
+    P = np.zeros((FIRST[-1], 6, 4))
+    P[2, :, :2], P[11, :, :2], P[17, :, 2:] = pulls[0, 1][2], pulls[0, 1][11], pulls[1, 2][17]
+    moved = np.einsum("nimj,mjp->nip", C, P)
+    whole = np.einsum("nij,njmk,mlk->niml", turn, C + np.einsum("nip,mjp->nimj", moved, moved), turn)
+    np.testing.assert_allclose(table(wide, 0, 1)[3, 4], displacement(whole, 3, 13), rtol=1e-8)
+    np.testing.assert_allclose(wide.of_robot(0).own[4], whole[4, :, 4], rtol=1e-8)
+    np.testing.assert_array_equal(table(wide, 0, 2), table(plain, 0, 2))
+
+
+def test_poses_follow_a_pull_by_their_covariance() -> None:
+    graph = graph_of(LINKS[1])
+    root, pull = SquareRoot.of(graph), np.random.default_rng(2).normal(size=(2, 6, 1))
+    solved, places = root.solved(np.array([4, 15]), pull)
+    left = np.zeros((FIRST[-1], 6))
+    left[places] = solved[:, :, 0]
+    expected = np.einsum("nimj,mj->ni", inverse(graph)[:, :, [4, 15]], pull[:, :, 0])
+    np.testing.assert_allclose(root.following(left), expected, rtol=1e-8, atol=1e-12)
+
+
+def test_a_direct_effect_moves_its_robot_alone() -> None:
+    plain = JointCovariance(SquareRoot.of(graph_of(LINKS[0])), FIRST, axes())
+    moved = np.zeros((CHAINS[0], 6, 1))
+    moved[:, 3, 0] = np.arange(CHAINS[0])
+    one = ErrorSet.of(np.zeros(0, np.int64), np.zeros((0, 6, 1)), {0: moved}, 4.0 * np.eye(1))
+    wide = plain.widened({(0, 1): one}, {0: {(0, 1)}, 1: {(0, 1)}})
+    added = wide.of_robot(0).own - plain.of_robot(0).own
+    np.testing.assert_allclose(np.trace(added, axis1=1, axis2=2), 4.0 * np.arange(CHAINS[0]) ** 2, atol=1e-9)
+    np.testing.assert_allclose(wide.of_robot(1).own, plain.of_robot(1).own)
 
 
 def test_undetermined_poses_are_an_error() -> None:
     graph = gtsam.GaussianFactorGraph()
     graph.add(gtsam.JacobianFactor(0, np.zeros((6, 6)), np.zeros(6), gtsam.noiseModel.Unit.Create(6)))
     with pytest.raises(np.linalg.LinAlgError):
-        JointCovariance.of(graph, np.array([True]))
+        SquareRoot.of(graph)

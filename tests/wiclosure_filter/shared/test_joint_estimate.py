@@ -5,40 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from wiclosure import se3
-from wiclosure.types import AlignmentHypothesis, AoaPath, FrameAlignment, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import AlignmentHypothesis, AoaPath, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
-from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate, frames_from
+from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 SIZE = 60
 FRAMES = {"a": np.eye(4), "b": se3.from_yaw(0.9, np.array([10.0, 4.0, 0.0])), "c": se3.from_yaw(-1, np.ones(3))}
-
-
-def aligned(a: str, b: str) -> FrameAlignment:
-    hypothesis = AlignmentHypothesis(se3.between(FRAMES[a], FRAMES[b]), 0.0, ())
-    return FrameAlignment(a, b, hypothesis, np.eye(6), False, "made for a test")
-
-
-@pytest.mark.parametrize(
-    ("pairs", "joined"),
-    [
-        ([("a", "b"), ("b", "c")], ["a", "b", "c"]),
-        ([("b", "c"), ("a", "c")], ["a", "b", "c"]),
-        ([("b", "c")], ["a"]),
-        ([], ["a"]),
-    ],
-)
-def test_frames_are_joined_along_any_chain(pairs: list[tuple[str, str]], joined: list[str]) -> None:
-    frames = frames_from(["a", "b", "c"], [aligned(*pair) for pair in pairs])
-    assert list(frames) == joined
-    for robot, T_world_odom in frames.items():
-        np.testing.assert_allclose(T_world_odom, FRAMES[robot], atol=1e-12)
 
 
 def curve(seed: int) -> np.ndarray:

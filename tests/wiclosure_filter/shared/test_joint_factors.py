@@ -10,8 +10,8 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import AlignmentHypothesis, AoaPath, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
-from wiclosure.wiclosure_filter.shared.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, NodeSpacing
 from wiclosure.wiclosure_filter.shared.joint_factors import (
     add_first_guess,

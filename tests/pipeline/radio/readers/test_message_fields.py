@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.pipeline.radio.readers.message_fields import FieldPath, rows_of
+from wiclosure.pipeline.radio.readers.message_fields import FieldPath, field_paths, rows_of
 
 
 @dataclass
@@ -76,3 +76,14 @@ def test_one_array_is_possible() -> None:
         FieldPath.parsed("a[].b[]")
     assert FieldPath.parsed("a[0].b[]").is_array
     assert not FieldPath.parsed("a[0].b").is_array
+
+
+def test_the_paths_of_all_fields_can_be_read() -> None:
+    paths = field_paths(MESSAGE)
+    assert paths == ["stamp", "nodes[].id", "nodes[].dis", "ranges[]", "name"]
+    assert all(FieldPath.parsed(path).of(MESSAGE) is not None for path in paths)
+
+
+def test_an_array_without_brackets_names_the_way_out() -> None:
+    with pytest.raises(InputError, match=r"'nodes' of 'nodes.dis' is an array; write nodes\[\].dis for each element"):
+        rows(range="nodes.dis")

@@ -169,7 +169,8 @@ def test_the_message_that_the_issue_of_every_lab_has(tmp_path: Path) -> None:
     ]
     with pytest.raises(InputError, match=r"lab/msg/Uwb has no field 'dist'.*distance_mm"):
         measurements(f"{tmp_path}/a.bag,topic=/uwb,range=dist,receiver=a,transmitter=b")
-    with pytest.raises(InputError, match="name the field of the range"):
+    assert measurements(f"{word},robots.7=alpha,robots.12=beta".replace("topic=/uwb", "topic=uwb")) == found
+    with pytest.raises(InputError, match=r"name the field of the range .*its fields: .*header.stamp, .*distance_mm"):
         measurements(f"{tmp_path}/a.bag,topic=/uwb,receiver=a,transmitter=b")
     with pytest.raises(InputError, match="no topic /uwbb; it holds /uwb"):
         measurements(f"{tmp_path}/a.bag,topic=/uwbb")

@@ -65,6 +65,14 @@ def test_false_closures_come_first(lost_run: RunResult) -> None:
     )
 
 
+def test_a_fault_of_the_radio_is_named_with_the_way_out(lost_run: RunResult) -> None:
+    sound, unsure = lost_run.solution.filtered.alignments
+    faulty = replace(unsure, suspected_fault="all azimuths are mirrored")
+    said = next_steps(filtered(lost_run, alignments=(sound, faulty)))[-1]
+    assert said.startswith("Radio or odometry of beta and gamma seems wrong")
+    assert "all azimuths are mirrored. wiclosure radio check" in said
+
+
 def test_a_log_without_measurements(run_of: Runs) -> None:
     made = run_of()
     silent = replace(made, inputs=replace(made.inputs, wireless=WirelessLog()))

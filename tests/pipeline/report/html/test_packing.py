@@ -10,7 +10,7 @@ from wiclosure.pipeline.report.html.packing import (
     packed_bytes,
     packed_steps,
     sharing,
-    unpacked,
+    unpacked_array,
     without_sharing,
 )
 
@@ -20,7 +20,7 @@ from wiclosure.pipeline.report.html.packing import (
     st.sampled_from([0.001, 0.02, 1.0]),
 )
 def test_numbers_come_back_within_half_a_step(values: np.ndarray, step: float) -> None:
-    found = unpacked(packed_steps(values, step))
+    found = unpacked_array(packed_steps(values, step))
     assert found.shape == values.shape
     assert np.abs(found - values).max(initial=0.0) <= 0.5 * step + 1e-9
 
@@ -28,17 +28,17 @@ def test_numbers_come_back_within_half_a_step(values: np.ndarray, step: float) -
 def test_what_is_no_number_stays_none() -> None:
     values = np.array([[1.0, np.nan], [np.inf, -2.0], [3.0, 4.0]])
     expected = [[1.0, np.nan], [np.nan, -2.0], [3.0, 4.0]]
-    np.testing.assert_array_equal(unpacked(packed_steps(values, 0.5)), expected)
+    np.testing.assert_array_equal(unpacked_array(packed_steps(values, 0.5)), expected)
 
 
 def test_numbers_beyond_the_range_are_cut_to_it() -> None:
-    found = unpacked(packed_steps(np.array([1e300, -1e300, 0.0]), 1.0))
+    found = unpacked_array(packed_steps(np.array([1e300, -1e300, 0.0]), 1.0))
     np.testing.assert_array_equal(found, [2**31 - 1, 1 - 2**31, 0])
 
 
 @given(arrays(np.uint8, array_shapes(min_dims=1, max_dims=2, min_side=0)))
 def test_bytes_come_back(values: np.ndarray) -> None:
-    np.testing.assert_array_equal(unpacked(packed_bytes(values)), values)
+    np.testing.assert_array_equal(unpacked_array(packed_bytes(values)), values)
 
 
 def test_points_along_the_curve_are_small() -> None:

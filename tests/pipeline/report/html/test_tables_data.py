@@ -20,17 +20,24 @@ def test_differences_from_the_first_arm_with_units() -> None:
     found = arms_table([("none", metrics_of(0.118, 25.0, 4)), ("wiclosure", metrics_of(0.12, 2.5, 0, None))])
     rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
     assert found["header"] == ["", "none", "wiclosure"]
-    assert rows["error against ground truth (ATE)"] == [("0.118 m", ""), ("0.120 m", "+0.002 m (+2 %)")]
+    assert rows["error against ground truth (ATE)"] == [("0.12 m", ""), ("0.12 m", "the same")]
     assert rows["time to find and use closures"] == [("25.0 s", ""), ("2.5 s", "-22.5 s (-90 %)")]
     assert rows["false closures accepted"] == [("4", ""), ("0", "-4 (-100 %)")]
     assert rows["pairs of keyframes kept"] == [("6,192", ""), ("6,192", "the same")]
     assert rows["sent between robots"] == [("2 MB", ""), ("-", "")]
 
 
+def test_errors_have_two_digits_each_however_far_apart() -> None:
+    found = arms_table([("none", metrics_of(8.004, 25.0, 4)), ("wiclosure", metrics_of(0.0361, 2.5, 0))])
+    (error,) = (row[1:] for row in found["rows"] if row[0] == "error against ground truth (ATE)")
+    assert [cell["text"] for cell in error] == ["8.0 m", "0.036 m"]
+    assert error[1]["note"] == "-7.968 m (-100 %)"
+
+
 def test_an_arm_without_connected_robots_has_no_error() -> None:
     found = arms_table([("none", metrics_of(None, 1.0, 0)), ("wiclosure", metrics_of(0.5, 1.0, 1))])
     rows = {row[0]: [(cell["text"], cell["note"]) for cell in row[1:]] for row in found["rows"]}
-    assert rows["error against ground truth (ATE)"] == [("-", ""), ("0.500 m", "")]
+    assert rows["error against ground truth (ATE)"] == [("-", ""), ("0.50 m", "")]
     assert rows["false closures accepted"] == [("0", ""), ("1", "+1")]
 
 

@@ -40,7 +40,7 @@ def metrics_of(groups: list[list[str]], accepted: int, *, false: int | None = 0,
             metrics_of([["a", "b"]], 3, false=1, ate_m=5.0),
             [],
             "bad",
-            "Both robots lie in one map, joined by 3 closures; the error against ground truth is 5 m; 1 accepted"
+            "Both robots lie in one map, joined by 3 closures; the error against ground truth is 5.0 m; 1 accepted"
             " closure is false.",
         ),
     ],

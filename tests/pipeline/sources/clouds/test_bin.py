@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -85,3 +86,27 @@ def test_a_layout_of_another_length_is_noticed_though_its_numbers_look_sound(tmp
     check_layout(tmp_path / "a.bin", "nuscenes")
     with pytest.raises(InputError, match=r"layout: nuscenes in the dataset\.yaml"):
         check_layout(tmp_path / "a.bin", "kitti")
+
+
+def scene(n: int = 4000) -> np.ndarray:
+    """Columns x, y, z, reflectance of a sensor 1.7 m above a street."""
+    rng = np.random.default_rng(0)
+    columns = [rng.normal(0, 15, n), rng.normal(0, 8, n), rng.uniform(-1.7, 3, n), rng.uniform(0, 1, n)]
+    return np.column_stack(columns).astype("<f4")
+
+
+@pytest.mark.parametrize(
+    ("order", "says"),
+    [
+        ([0, 1, 2, 3], None),
+        ([3, 0, 1, 2], "its number 1 is never negative, .* say layout: 'intensity x y z'"),
+        ([0, 3, 1, 2], "its number 2 is never negative, .* say layout: 'x intensity y z'"),
+        ([1, 2, 0, 3], r"z spreads more \(.*, and y least"),
+    ],
+)
+def test_another_order_of_four_numbers_is_doubted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, order: list[int], says: str | None
+) -> None:
+    (tmp_path / "a.bin").write_bytes(scene()[:, order].tobytes())
+    check_layout(tmp_path / "a.bin")
+    assert caplog.text == "" if says is None else re.search(says, caplog.text)

@@ -145,7 +145,10 @@ async function overlay(run, c) {
     return out;
   };
   const clouds = [[flat(query, [1, 0, 0, 0, 0, 1, 0, 0]), c.query, "query"], [flat(match, T), c.match, "match"]];
-  const reach = Math.max(10, quantile(clouds[0][0].map(Math.abs), 0.97));
+  const places = [0, 1].map((axis) => clouds.flatMap(([points]) => [...points].filter((_, i) => i % 2 === axis)));
+  const [low, high] = [0.02, 0.98].map((q) => places.map((along) => quantile(along, q)));
+  const middle = low.map((least, axis) => (least + high[axis]) / 2);
+  const reach = Math.max(10, ...high.map((most, axis) => 1.05 * (most - middle[axis]))); // nearly all of both scans
   const shown = [true, true];
   const colours = () => {
     const own = (key) => run.robots.find((robot) => robot.name === key[0])?.colour;
@@ -159,7 +162,7 @@ async function overlay(run, c) {
     clouds.forEach(([points], n) => {
       if (!shown[n]) return;
       pen.fillStyle = colours()[n] ?? palette()("text");
-      for (let i = 0; i < points.length; i += 2) pen.fillRect(size / 2 - k * points[i + 1] - 1, size / 2 - k * points[i] - 1, 2, 2);
+      for (let i = 0; i < points.length; i += 2) pen.fillRect(size / 2 - k * (points[i + 1] - middle[1]) - 1, size / 2 - k * (points[i] - middle[0]) - 1, 2, 2);
     });
     pen.globalAlpha = 1;
   };

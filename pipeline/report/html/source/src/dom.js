@@ -39,7 +39,8 @@ const numeric = (cell) => cell === null || typeof cell === "number" || NUMBER.te
 
 export function table(caption, header, rows, { wide = false } = {}) {
   const right = header.map((_, column) => column > 0 && rows.length > 0 && rows.every((row) => !(row[column] instanceof Node) && numeric(row[column] ?? null)));
-  const css = (column) => (right[column] ? "number" : undefined);
+  const prose = header.map((_, column) => rows.some((row) => typeof row[column] === "string" && row[column].length > 30));
+  const css = (column) => (right[column] ? "number" : prose[column] ? "prose" : undefined);
   return el("div", { class: wide ? "scroll wide" : "scroll", tabindex: "0", role: "region", "aria-label": caption },
     el("table", {},
       el("caption", {}, el("span", {}, caption)),

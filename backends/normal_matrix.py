@@ -1,0 +1,113 @@
+"""Normal matrices of least squares over nodes of six degrees of freedom: sparse, ordered once, factorised often."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
+
+from wiclosure.types import FloatArray, IntArray
+
+DEGREES = 6
+HELD = 1e12  # information of a pose that is held
+LEAST_INFORMATION = 1e-9  # of any other: the matrix stays regular where nothing fixes the gauge
+
+
+@dataclass(frozen=True, eq=False)
+class Factorised:
+    """A normal matrix, factorised: solves for any right-hand side."""
+
+    of: SuperLU
+    position: IntArray
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """`(N, 6, ...)` for `(N, 6, ...)`."""
+        ordered = np.empty_like(right)
+        ordered[self.position] = right
+        solved = self.of.solve(ordered.reshape(DEGREES * len(right), -1)).reshape(right.shape)
+        return np.asarray(solved[self.position])
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMatrix:
+    """The pattern of the normal matrix of edges `(M,)` between N nodes.
+
+    Args:
+        position: `(N,)` place of each node in the order of elimination: nested dissection, by METIS.
+        order: `(4 M,)` of the edges' blocks by column and row of the ordered matrix.
+        starts: in that order, where the blocks of one place begin.
+        indices, pointers: of the compressed rows.
+        incidence: `(N, 2 M)`, one at each edge's ends.
+    """
+
+    position: IntArray
+    order: IntArray
+    starts: IntArray
+    indices: IntArray
+    pointers: IntArray
+    incidence: sp.csr_matrix
+
+    @classmethod
+    def of(cls, first: IntArray, second: IntArray, size: int) -> NormalMatrix:
+        """Of edges between the nodes `first` and `second` of `size`."""
+        position = elimination_positions(first, second, size)
+        i, j = position[first], position[second]
+        rows, columns = np.concatenate([i, i, j, j]), np.concatenate([i, j, i, j])
+        order = np.argsort(rows * size + columns, kind="stable")
+        places = (rows * size + columns)[order]
+        starts = np.flatnonzero(np.diff(places, prepend=-1))
+        pointers = np.searchsorted(places[starts] // size, np.arange(size + 1))
+        ends = np.concatenate([first, second])
+        incidence = sp.csr_matrix((np.ones(len(ends)), (ends, np.arange(len(ends)))), shape=(size, len(ends)))
+        return cls(position, order, starts, places[starts] % size, pointers, incidence)
+
+    def factorised(
+        self, A: FloatArray, B: FloatArray, weights: FloatArray, held: IntArray, damping: float
+    ) -> Factorised:
+        """Of whitened derivatives `(M, 6, 6)` by both ends of the edges, weighted `(M,)`.
+
+        Args:
+            A: derivatives by the first end.
+            B: by the second.
+            weights: of the edges.
+            held: nodes that do not move.
+            damping: share of the diagonal that is added to it.
+        """
+        At, Bt = (np.swapaxes(weights[:, None, None] * J, 1, 2) for J in (A, B))
+        size = len(self.position)
+        shape = (DEGREES * size, DEGREES * size)
+        if len(self.order):
+            blocks = np.concatenate([At @ A, At @ B, Bt @ A, Bt @ B])[self.order]
+            summed = np.add.reduceat(blocks, self.starts, axis=0)
+            H = sp.bsr_matrix((summed, self.indices, self.pointers), shape=shape).tocsc()
+        else:
+            H = sp.csc_matrix(shape)
+        added = np.full((size, DEGREES), LEAST_INFORMATION)
+        added[self.position[held]] = HELD
+        H = H + sp.diags(added.ravel() + damping * H.diagonal())
+        of = splu(H.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return Factorised(of, self.position)
+
+    def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
+        """Sums `(N, 6, ...)` at the nodes of what the edges `(M, 6, ...)` have at either end."""
+        both = np.concatenate([at_first, at_second])
+        width = int(np.prod(both.shape[1:]))
+        return np.asarray((self.incidence @ both.reshape(len(both), width)).reshape(-1, *both.shape[1:]))
+
+
+def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntArray:
+    """`(N,)` place of each node in an order of elimination that leaves the factors sparse."""
+    position = np.full(size, -1)
+    graph = gtsam.SymbolicFactorGraph()
+    for i, j in np.unique(np.stack([first, second], axis=1), axis=0).tolist():
+        graph.push_factor(i, j)
+    if graph.size():
+        ordering = gtsam.Ordering.MetisSymbolicFactorGraph(graph)
+        eliminated = np.array([ordering.at(n) for n in range(ordering.size())])
+        position[eliminated] = np.arange(len(eliminated))
+    alone = np.flatnonzero(position < 0)
+    position[alone] = size - len(alone) + np.arange(len(alone))
+    return position

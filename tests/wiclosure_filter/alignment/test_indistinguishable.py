@@ -1,0 +1,90 @@
+"""Blunders that would fit as well, by how the robots moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.types import AoaPath, FloatArray, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
+from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+
+STEPS = 40
+OFFSET = np.array([0.0, 8.0, 0.0])
+
+
+def straight(turn_rad: float = 0.0) -> FloatArray:
+    yaw = turn_rad * np.arange(STEPS)
+    steps = np.column_stack([np.cos(yaw), np.sin(yaw), 0 * yaw])
+    return se3.from_yaw(yaw, np.cumsum(steps, axis=0))
+
+
+def case(a: FloatArray, b: FloatArray) -> tuple[dict[str, Trajectory], WirelessLog]:
+    """Both frames are the world's."""
+    stamps_ns = np.arange(STEPS, dtype=np.int64) * 10**9
+    rng = np.random.default_rng(1)
+    seen = se3.between(a, b)[:, :3, 3]
+    log = tuple(
+        WirelessMeasurement(
+            int(t), "a", "b", float(np.linalg.norm(p)), 0.3, (AoaPath(float(np.arctan2(p[1], p[0]) + e), 0.14),)
+        )
+        for t, p, e in zip(stamps_ns[::2], seen[::2], rng.normal(0, 0.05, STEPS // 2), strict=True)
+    )
+    return {"a": Trajectory("a", stamps_ns, a), "b": Trajectory("b", stamps_ns, b)}, WirelessLog(log)
+
+
+def blunders(a: FloatArray, b: FloatArray) -> Blunders:
+    trajectories, log = case(a, b)
+    settings = AlignmentSettings()
+    links = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair["a", "b"]
+    problem = AlignmentProblem.of(links, trajectories, settings)
+    mixture, (drift_m, _) = problem.anchored_at(len(links) // 2)
+    state = problem.observations.state(np.eye(4))
+    w = displacements_in_a(state[None], problem.observations)[1][0]
+    none = np.zeros(len(links))
+    return Blunders.of(w, none, links, problem.odometry, mixture, explained(state, mixture), 0.1 + 0 * drift_m)
+
+
+def moved(poses: FloatArray, by: FloatArray) -> FloatArray:
+    poses = poses.copy()
+    poses[:, :3, 3] += by
+    return poses
+
+
+def test_in_parallel_every_blunder_fits_and_none_is_excluded() -> None:
+    found = blunders(straight(), moved(straight(), OFFSET))
+    np.testing.assert_allclose(found.chi2, 0.0, atol=1e-6)
+    reversed_ = found.names.index("azimuths were reversed")
+    assert found.apart_m[reversed_] == pytest.approx(2 * 8.0)
+    assert found.apart_m[0] == 0.0
+    assert "would fit as well" in found.objection(2.0, 20.0)
+
+
+def test_where_both_turn_by_themselves_no_blunder_fits() -> None:
+    found = blunders(straight(0.08), moved(straight(-0.11), OFFSET))
+    assert found.chi2[0] < 1.0
+    assert (found.chi2[1:] > 30.0).all()
+    assert found.objection(2.0, 20.0) == ""
+
+
+def test_a_blunder_that_changes_nothing_is_no_objection() -> None:
+    """b ahead of a on one line: mirrored, it is where it was."""
+    ahead = moved(straight(), np.array([20.0, 0.0, 0.0]))
+    found = blunders(straight(), ahead)
+    mirrored = found.names.index("azimuths were clockwise, or of a reflection")
+    assert found.apart_m[mirrored] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("turn_a", "turn_b", "certain"), [(0.0, 0.0, False), (0.08, -0.11, True)])
+def test_an_alignment_is_not_certain_where_blunders_fit(turn_a: float, turn_b: float, certain: bool) -> None:
+    trajectories, log = case(straight(turn_a), moved(straight(turn_b), OFFSET))
+    settings = AlignmentSettings()
+    links = TeamLinks.of(trajectories, log, GatheringLimits.of(settings)).by_pair["a", "b"]
+    assert align(links, trajectories, settings).ambiguous is not certain
+    unweighed = settings.model_copy(update={"guard": AmbiguitySettings(weigh_blunders=False)})
+    assert not align(links, trajectories, unweighed).ambiguous

@@ -1,0 +1,90 @@
+"""Normal equations of a chain of frame transforms, with a border of constant errors: solved in linear time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from wiclosure.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BorderedSystem:
+    """Symmetric normal equations of M blocks of 4, each coupled with the next, and all with seven systematic errors.
+
+    Args:
+        diagonal: `(M, 4, 4)`.
+        upper: `(M - 1, 4, 4)` between block m and m + 1.
+        gradient: `(M, 4)`.
+        border: `(M, 4, 7)` between block m and the errors.
+        of_errors: `(7, 7)`.
+        gradient_of_errors: `(7,)`.
+    """
+
+    diagonal: FloatArray
+    upper: FloatArray
+    gradient: FloatArray
+    border: FloatArray
+    of_errors: FloatArray
+    gradient_of_errors: FloatArray
+
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """`(4 M + 7, 4 M + 7)` covariance of the blocks and the errors."""
+        alone = np.asarray(solveh_banded(self._bands(), np.eye(self.gradient.size)))
+        follows = np.vstack([-self._response, np.eye(self.of_errors.shape[0])])
+        inverse = follows @ self.covariance_of_errors() @ follows.T
+        inverse[: len(alone), : len(alone)] += (alone + alone.T) / 2
+        return np.asarray(inverse)
+
+    def solved(self) -> tuple[FloatArray, FloatArray]:
+        """Solution `(4 M,)` of the blocks, and that of the errors `(7,)`."""
+        errors = self.covariance_of_errors() @ (self.gradient_of_errors - self._border.T @ self._alone)
+        return self._alone - self._response @ errors, errors
+
+    def covariance_of_errors(self) -> FloatArray:
+        """`(7, 7)` block of the inverse."""
+        return np.asarray(np.linalg.inv(self.of_errors - self._border.T @ self._response))
+
+    def marginal(self, block: int) -> FloatArray:
+        """`(11, 11)` of the inverse: a block of 4, and the errors."""
+        rows = slice(4 * block, 4 * block + 4)
+        unit = np.zeros((self.gradient.size, 4))
+        unit[rows] = np.eye(4)
+        alone = np.asarray(solveh_banded(self._bands(), unit))[rows]
+        follows = np.vstack([-self._response[rows], np.eye(self.of_errors.shape[0])])
+        inverse = follows @ self.covariance_of_errors() @ follows.T
+        inverse[:4, :4] += (alone + alone.T) / 2
+        return np.asarray(inverse)
+
+    @property
+    def _border(self) -> FloatArray:
+        return self.border.reshape(self.gradient.size, -1)
+
+    @cached_property
+    def _solutions(self) -> FloatArray:
+        return np.asarray(solveh_banded(self._bands(), np.column_stack([self.gradient.reshape(-1), self._border])))
+
+    @property
+    def _alone(self) -> FloatArray:
+        """Solution of the blocks without errors."""
+        return self._solutions[:, 0]
+
+    @property
+    def _response(self) -> FloatArray:
+        """How the blocks follow the errors, with the sign turned."""
+        return self._solutions[:, 1:]
+
+    def _bands(self) -> FloatArray:
+        """Upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
+        count = len(self.diagonal)
+        bands = np.zeros((8, 4 * count))
+        for i in range(4):
+            for j in range(4):
+                if i <= j:
+                    bands[7 + i - j, j::4] = self.diagonal[:, i, j]
+                bands[3 + i - j, 4 + j :: 4] = self.upper[:, i, j]
+        return bands

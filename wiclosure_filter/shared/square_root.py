@@ -1,0 +1,151 @@
+"""Sparse square root of a pose graph's information matrix, and rows of its inverse where they are asked for.
+
+GTSAM eliminates the poses in a nested dissection order: `Lambda = R^T R` with R upper triangular and sparse.  The
+covariance is `Lambda^-1 = R^-1 R^-T`: with the rows V of R^-1, poses n and m have the covariance `V_n V_m^T`.  A pose's
+row has numbers only where its ancestors in the elimination tree stand (Davis, Direct Methods for Sparse Linear Systems,
+2006, section 3), of which a graph that lies in a plan has few.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+
+from wiclosure.types import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SquareRoot:
+    """Of the information of K poses.
+
+    Poses stand in their *places*, the reverse order of elimination: ancestors come first.
+
+    Args:
+        place: `(K,)` of each pose.
+        parent: `(K,)` place of the nearest ancestor of each place; -1 at a root.
+        start: `(K + 1,)` where the separator of each place begins.
+        separator: `(S,)` places that the pose of a place depends on, ancestors all.
+        response: `(6, 6 S)` how it follows them, `-R_nn^-1 R_ns`.
+        remainder: `(K, 6, 6)` the independent rest, `R_nn^-1`.
+    """
+
+    place: IntArray
+    parent: IntArray
+    start: IntArray
+    separator: IntArray
+    response: FloatArray
+    remainder: FloatArray
+
+    @classmethod
+    def of(cls, linear: gtsam.GaussianFactorGraph) -> SquareRoot:
+        """Of a linearised graph over poses 0 ... K-1.
+
+        Raises:
+            numpy.linalg.LinAlgError: some pose is not determined.
+        """
+        try:
+            net = linear.eliminateSequential(gtsam.Ordering.MetisGaussianFactorGraph(linear))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error).strip().splitlines()[0]) from None
+        size = net.size()
+        conditionals = [net.at(size - 1 - place) for place in range(size)]
+        keys = [np.array(conditional.keys(), np.int64) for conditional in conditionals]
+        place = np.empty(size, np.int64)
+        place[[own[0] for own in keys]] = np.arange(size)
+        separators = [place[own[1:]] for own in keys]
+        remainder = np.linalg.inv(np.array([conditional.R() for conditional in conditionals]))
+        responses = [-rest @ c.S() for rest, c, own in zip(remainder, conditionals, keys, strict=True) if len(own) > 1]
+        return cls(
+            place,
+            np.array([own.max(initial=-1) for own in separators], np.int64),
+            np.cumsum([0, *(len(own) for own in separators)]),
+            np.concatenate(separators),
+            np.hstack([np.zeros((6, 0)), *responses]),
+            remainder,
+        )
+
+    def rows(self, poses: IntArray) -> tuple[FloatArray, IntArray]:
+        """Rows `(P, 6, 6 C)` of R^-1, and the places `(C,)` of their columns, increasing."""
+        columns = self._with_ancestors(np.unique(self.place[poses]))
+        rows = np.zeros((len(columns), 6, 6 * len(columns)))
+        for number, place in enumerate(columns):
+            first, end = self.start[place], self.start[place + 1]
+            known = rows[np.searchsorted(columns, self.separator[first:end]), :, : 6 * number]
+            rows[number, :, : 6 * number] = self.response[:, 6 * first : 6 * end] @ known.reshape(
+                6 * (end - first), 6 * number
+            )
+            rows[number, :, 6 * number : 6 * number + 6] = self.remainder[place]
+        return rows[np.searchsorted(columns, self.place[poses])], columns
+
+    def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
+        """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
+        places = self._with_ancestors(np.unique(self.place[poses]))
+        left = np.zeros((len(places), *pulls.shape[1:]))
+        np.add.at(left, np.searchsorted(places, self.place[poses]), pulls)
+        for number in range(len(places) - 1, -1, -1):  # from the leaves: what a pose follows is pulled with it
+            first, end = self.start[places[number]], self.start[places[number] + 1]
+            followed = self.response[:, 6 * first : 6 * end].T @ left[number]
+            left[np.searchsorted(places, self.separator[first:end])] += followed.reshape(end - first, *pulls.shape[1:])
+        return np.swapaxes(self.remainder[places], 1, 2) @ left, places
+
+    def following(self, left: FloatArray) -> FloatArray:
+        """`R^-1 y` by pose `(K, 6)`, for `y (K, 6)` by place: how all poses follow what `solved` gives of a pull."""
+        found = np.zeros_like(left)
+        for place in range(len(left)):  # ancestors first
+            first, end = self.start[place], self.start[place + 1]
+            separator = found[self.separator[first:end]].reshape(-1)
+            found[place] = self.remainder[place] @ left[place] + self.response[:, 6 * first : 6 * end] @ separator
+        return found[self.place]
+
+    def chains(self) -> tuple[FloatArray, FloatArray]:
+        """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
+
+        Poses that share a factor are ancestors of each other, so that the rows on one way from the root serve for both.
+        """
+        own, following = np.zeros((len(self.place), 6, 6)), np.zeros((max(len(self.place) - 1, 0), 6, 6))
+        pose = np.argsort(self.place)
+        depth, order = self._depth_first()
+        rows = np.zeros((6 * (int(depth.max()) + 1), 6 * (int(depth.max()) + 1)))
+        path = np.full(int(depth.max()) + 1, -1)
+        for place in order:
+            level, first, end = int(depth[place]), self.start[place], self.start[place + 1]
+            at, path[level] = slice(6 * level, 6 * level + 6), place
+            known = rows[(6 * depth[self.separator[first:end], None] + np.arange(6)).ravel(), : 6 * level]
+            rows[at, : 6 * level] = self.response[:, 6 * first : 6 * end] @ known
+            rows[at, at] = self.remainder[place]
+            row = rows[at, : 6 * level + 6]
+            own[pose[place]] = row @ row.T
+            for other in (pose[place] - 1, pose[place] + 1):
+                above = int(depth[self.place[other]]) if 0 <= other < len(pose) else level
+                if above < level and path[above] == self.place[other]:
+                    cross = row[:, : 6 * above + 6] @ rows[6 * above : 6 * above + 6, : 6 * above + 6].T
+                    following[min(other, pose[place])] = cross if other > pose[place] else cross.T
+        return own, following
+
+    def _depth_first(self) -> tuple[IntArray, list[int]]:
+        """How many ancestors each place has, and all places, each after its ancestors and before those beside them."""
+        depth = np.zeros(len(self.parent), np.int64)
+        children: list[list[int]] = [[] for _ in self.parent]
+        waiting = []
+        for place, parent in enumerate(self.parent.tolist()):
+            if parent < 0:
+                waiting.append(place)
+            else:
+                depth[place] = depth[parent] + 1
+                children[parent].append(place)
+        order = []
+        while waiting:
+            order.append(waiting.pop())
+            waiting += children[order[-1]]
+        return depth, order
+
+    def _with_ancestors(self, places: IntArray) -> IntArray:
+        found = np.zeros(len(self.parent), bool)
+        while len(places):
+            found[places] = True
+            places = self.parent[places]
+            places = np.unique(places[places >= 0])
+            places = places[~found[places]]
+        return np.flatnonzero(found)
