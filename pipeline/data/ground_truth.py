@@ -10,6 +10,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.formats.kitti_poses import KittiPoses, read_kitti_poses
+from wiclosure.formats.plausible import require_rotation
 from wiclosure.formats.trajectory_file import trajectory_kind
 from wiclosure.pipeline.data.odometry_reader import read_poses
 from wiclosure.pipeline.data.recording import RobotRecording
@@ -22,6 +23,7 @@ from wiclosure.types import FloatArray, IntArray, Trajectory
 
 logger = logging.getLogger(__name__)
 
+_FURTHEST_MOUNTED_M = 100.0  # a sensor on its vehicle
 _FEW = 2  # poses that may be missing at the end: a drive's last scan is often left without one
 
 
@@ -131,6 +133,9 @@ def _calibration(path: Path) -> FloatArray | None:
                 T[:3] = np.array(numbers.split(), float).reshape(3, 4)
             except ValueError:
                 raise InputError(f"{path}: {name.strip()} is not a 3 x 4 matrix of 12 numbers") from None
+            require_rotation(f"{path}, {name.strip()}", T[:3, :3])
+            if not (np.abs(T[:3, 3]) < _FURTHEST_MOUNTED_M).all():
+                raise InputError(f"{path}, {name.strip()}: {T[:3, 3].tolist()} m is no place of a LiDAR on a robot")
             return T
     return None
 

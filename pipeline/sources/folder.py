@@ -17,8 +17,7 @@ from wiclosure.pipeline.sources.clouds.las import read_las
 from wiclosure.pipeline.sources.clouds.pcd import read_pcd
 from wiclosure.pipeline.sources.clouds.ply import read_ply
 from wiclosure.pipeline.sources.clouds.times_file import times_beside
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
 
 logger = logging.getLogger(__name__)
@@ -92,14 +91,18 @@ class FolderSource:
                 " them, a time in seconds for each", self.path, self.stamps_from,
             )  # fmt: skip
         self._say_odd_times()
-        read, clock = CLOUD_READERS[self._suffix], PointClock(str(self.path), self._period_s)
+        read, scans = CLOUD_READERS[self._suffix], TimedScans(str(self.path), self._period_s)
         if self._suffix == ".bin" and self._layout is not None:
             read = partial(read_bin, layout=self._layout)
         is_said = False
         for file, stamp_ns in zip(self.scan_files, self.stamps_ns.tolist(), strict=True):
             cloud = read(file)
             is_said = is_said or _say_untimed(file, cloud)
-            yield timed_scan(clock, stamp_ns, cloud.points, cloud.times, cloud.intensity)
+            try:
+                scan = scans(stamp_ns, cloud.points, cloud.times, cloud.intensity)
+            except InputError as error:
+                raise InputError(f"{file}: {error}") from error
+            yield scan
 
     def _say_odd_times(self) -> None:
         """Warns of stamps that no LiDAR has: most often their unit is not what it was taken for."""

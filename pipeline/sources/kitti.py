@@ -11,8 +11,7 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.clouds.bin import check_layout, read_bin
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.clouds.times_file import read_lines
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import timed_scan
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import IntArray, Scan
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))
@@ -62,9 +61,10 @@ class KittiSource:
 
     def __iter__(self) -> Iterator[Scan]:
         """The scans in the order of their numbers."""
+        scan = TimedScans(str(self.path))
         for file, stamp_ns in zip(self.scan_files, self.stamps_ns.tolist(), strict=True):
             cloud = read_bin(file)
-            yield timed_scan(PointClock(), stamp_ns, cloud.points, None, cloud.intensity)
+            yield scan(stamp_ns, cloud.points, None, cloud.intensity)
 
 
 def kitti_scans(path: Path) -> tuple[list[Path], IntArray, IntArray]:

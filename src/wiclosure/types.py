@@ -30,7 +30,7 @@ from wiclosure.filter_result import (
 from wiclosure.inertial import ImuLog
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory, require_own_names
-from wiclosure.wireless import AoaFrame, AoaPath, Heading, WirelessLog, WirelessMeasurement
+from wiclosure.wireless import AoaFrame, AoaPath, Heading, RangeError, WirelessLog, WirelessMeasurement
 
 __all__ = [
     "AlignmentFit",
@@ -57,6 +57,7 @@ __all__ = [
     "Prediction",
     "PredictionKind",
     "RadioLinks",
+    "RangeError",
     "RegistrationEvidence",
     "RelativePosePredictor",
     "Residual",

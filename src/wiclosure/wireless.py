@@ -15,8 +15,17 @@ AoaFrame: TypeAlias = Literal["body", "odometry", "world"]
 
 _Entry = TypeVar("_Entry")
 
+FARTHEST_M = 1e6
+"""Of a range, in millimetres too: no radio of robots reaches further."""
+_LONGEST_ARM_M = 100.0  # from a robot's body to its antenna
+_SMALLEST_SIGMA, _LARGEST_SIGMA_M = 1e-6, 1e6
+_HEAVIEST, _MOST_TURNS = 1e9, 1000
 _TURN_RAD = 2 * math.pi + 1e-6
 _UPRIGHT_RAD = math.pi / 2 + 1e-6
+
+
+class RangeError(InputError):
+    """One measurement with a number that nothing real has; others of its file may be right."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -47,6 +56,8 @@ class AoaPath:
             raise InputError(f"path sigma is {self.sigma}; it must be > 0 (radians)")
         if self.weight < 0:
             raise InputError(f"path weight is {self.weight}; it must be >= 0")
+        _require_within("path sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
+        _require_within("path weight", self.weight, 0.0, _HEAVIEST, "a share")
         if self.elevation is not None:
             _require_finite("path elevation", self.elevation)
             if abs(self.elevation) > _UPRIGHT_RAD:
@@ -105,12 +116,15 @@ class WirelessMeasurement:
                 raise InputError(f"range is {self.range_m}; it must be a number >= 0 (metres)")
             if self.range_sigma_m is None or not (math.isfinite(self.range_sigma_m) and self.range_sigma_m > 0):
                 raise InputError(f"range_sigma is {self.range_sigma_m}; it must be a number > 0 (metres)")
+            _require_within("range", self.range_m, 0.0, FARTHEST_M, "metres")
+            _require_within("range_sigma", self.range_sigma_m, _SMALLEST_SIGMA, _LARGEST_SIGMA_M, "metres")
         if self.aoa_frame not in {"body", "odometry", "world"}:
             raise InputError(f"aoa_frame is {self.aoa_frame!r}; expected body, odometry or world")
         for name in ("lever_arm_receiver", "lever_arm_transmitter"):
             arm = tuple(getattr(self, name))
             if len(arm) != 3 or not all(map(math.isfinite, arm)):
                 raise InputError(f"{name} is {arm}; expected three finite numbers (metres)")
+            _require_within(name, max(map(abs, arm)), 0.0, _LONGEST_ARM_M, "metres")
             object.__setattr__(self, name, arm)
 
     def __repr__(self) -> str:
@@ -147,6 +161,8 @@ class Heading:
         _require_finite("heading sigma", self.sigma)
         if self.sigma <= 0:
             raise InputError(f"heading sigma is {self.sigma}; it must be a number > 0 (radians)")
+        _require_within("heading sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
+        _require_within("heading", abs(self.heading), 0.0, _MOST_TURNS * _TURN_RAD, "radians")
 
     def __repr__(self) -> str:
         return f"Heading({self.robot!r} at {_seconds(self.stamp_ns)}, {self.heading:.3f} rad, sigma {self.sigma:.3f})"
@@ -190,6 +206,11 @@ class WirelessLog:
 def _require_finite(name: str, value: object) -> None:
     if not (isinstance(value, Real) and math.isfinite(value)):
         raise InputError(f"{name} is {value}; it must be a finite number")
+
+
+def _require_within(name: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        raise RangeError(f"{name} is {value:g}; it must lie within {low:g} and {high:g} ({unit})")
 
 
 def _all_of(kind: type[_Entry], entries: Iterable[_Entry], name: str) -> tuple[_Entry, ...]:

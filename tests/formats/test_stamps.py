@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wiclosure.formats.plausible import LATEST_NS
 from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
 
-STAMPS_NS = st.integers(-(2**63) + 1, 2**63 - 1)
+STAMPS_NS = st.integers(-LATEST_NS, LATEST_NS)
 
 
 @given(stamps_ns=st.lists(STAMPS_NS, min_size=1))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.messages.field_names import intensity_field, time_fields
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns, timed_scan
+from wiclosure.pipeline.sources.messages.pointcloud2 import PointFieldMessage, are_returns
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
 
 _POSITION = 0  # Draco's number of this kind of attribute
@@ -49,7 +49,7 @@ class DracoDecoder:
     """
 
     def __init__(self, place: str = "", period_s: float | None = None) -> None:
-        self._clock = PointClock(place, period_s)
+        self._scan = TimedScans(place, period_s)
 
     def decode(self, cloud: CompressedCloud, stamp_ns: int) -> Scan:
         """The returns of one message.
@@ -68,8 +68,7 @@ class DracoDecoder:
         points = columns.pop("x").astype(np.float64)
         keep = are_returns(*points.T)
         time, intensity = next(iter(time_fields(columns)), None), intensity_field(columns)
-        return timed_scan(
-            self._clock,
+        return self._scan(
             stamp_ns,
             points[keep],
             None if time is None else columns[time][keep, 0],

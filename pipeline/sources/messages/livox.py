@@ -17,9 +17,9 @@ import struct
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.point_times import PointClock
-from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns, timed_scan
+from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns
 from wiclosure.pipeline.sources.messages.ros_types import Encoding
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
 
 LIVOX_TYPES = (
@@ -48,7 +48,7 @@ class LivoxDecoder:
     """
 
     def __init__(self, place: str = "") -> None:
-        self._clock = PointClock(place, ns_per_unit=1)
+        self._scan = TimedScans(place, ns_per_unit=1)
 
     def decode(self, raw: bytes, encoding: Encoding, stamp_ns: int) -> Scan:
         """The returns of one serialised message.
@@ -65,7 +65,7 @@ class LivoxDecoder:
         for column, axis in enumerate("xyz"):
             positions[:, column] = returns[axis]
         times = returns["offset_time"].astype(np.int64)
-        return timed_scan(self._clock, stamp_ns, positions, times, returns["reflectivity"])
+        return self._scan(stamp_ns, positions, times, returns["reflectivity"])
 
 
 def livox_header(raw: bytes, encoding: Encoding) -> tuple[int, str]:

@@ -66,7 +66,7 @@ class PointClock:
         values = raw.astype(np.float64 if raw.dtype.kind == "f" else np.int64, copy=False)
         if len(values) == 0:
             return None
-        first, last = values.min(), values.max()
+        first, last = values.min().item(), values.max().item()  # Python's numbers never overflow
         if first == last and self._ns_per_unit is None:
             return None  # all at once, or a field that nobody filled
         span = float(last - first)
@@ -113,7 +113,7 @@ def _fill_both_ends(raw: NDArray[Any], rare: int) -> bool:
     Then the middle 98 % span more than a third of it, and nothing lies that far outside of them: most sweeps are let
     through by this, which takes a tenth of the time of the quantiles.
     """
-    first, last = raw.min(), raw.max()
+    first, last = raw.min().item(), raw.max().item()
     third = (last - first) / 3
     some = raw[::_SOME]  # what they hold of these, they hold of all
     return bool(np.count_nonzero(some < first + third) > rare + 1 and np.count_nonzero(some > last - third) > rare + 1)
@@ -126,7 +126,7 @@ def _decide_unit(values: NDArray[Any], stamp_ns: int, period_s: float | None) ->
         for ns_per_unit in _NS_PER_UNIT:
             if abs(float(middle) * ns_per_unit - stamp_ns) < _OTHER_EPOCH_S * 1e9:
                 return ns_per_unit
-    span = float(high - low) or float(values.max() - values.min())
+    span = float(high.item() - low.item()) or float(values.max().item() - values.min().item())
     fitting = [ns for ns in _NS_PER_UNIT if span * ns <= LONGEST_SWEEP_S * 1e9] or [_NS_PER_UNIT[-1]]
     if period_s and span > 0:
         return min(fitting, key=lambda ns: abs(math.log(span * ns * 1e-9 / period_s)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
-from wiclosure.pipeline.sources.messages.point_times import PointClock, strays
+from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Float32Array, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -27,7 +27,6 @@ FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
 }  # fmt: skip
 
-_FARTHEST_M = 1e8
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
@@ -72,7 +71,7 @@ class PointCloud2Decoder:
 
     def __init__(self, place: str = "", period_s: float | None = None) -> None:
         self._place = place or "point clouds"
-        self._clock = PointClock(place, period_s)
+        self._scan = TimedScans(place, period_s)
         self._layouts: dict[tuple[Any, ...], np.dtype[np.void]] = {}
 
     def decode(self, cloud: PointCloud2Message, stamp_ns: int | None = None) -> Scan:
@@ -89,7 +88,7 @@ class PointCloud2Decoder:
         if cloud.height * cloud.width == 0 or (not cloud.fields and len(cloud.data) == 0):
             return Scan(stamp_ns, np.zeros((0, 3)))
         columns = _returns(_records(cloud, self._layout(cloud)))
-        return timed_scan(self._clock, stamp_ns, *columns)
+        return self._scan(stamp_ns, *columns)
 
     def _layout(self, cloud: PointCloud2Message) -> np.dtype[np.void]:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
@@ -122,15 +121,12 @@ class PointCloud2Decoder:
 
 
 def are_returns(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return.
-
-    What lies beyond all places on Earth, in whatever coordinates, is no return either but a damaged number.
-    """
+    """Which points `(N,)` are finite and not at the origin, where drivers put beams without a return."""
     return _are_near(_sizes(x, y, z))
 
 
 def _are_near(sizes: NDArray[Any]) -> NDArray[np.bool_]:
-    return np.asarray((sizes != 0) & (sizes < _FARTHEST_M))  # the latter is false for NaN
+    return np.asarray((sizes != 0) & (sizes < np.inf))  # the latter is false for NaN
 
 
 def _sizes(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
@@ -138,26 +134,6 @@ def _sizes(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.add(np.abs(x), np.abs(y))
         return np.asarray(np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None))
-
-
-def timed_scan(
-    clock: PointClock,
-    stamp_ns: int,
-    points: FloatArray,
-    raw_times: NDArray[Any] | None,
-    intensity: NDArray[Any] | None = None,
-) -> Scan:
-    """A scan of returns `(N, 3)` with their recorded times, but for points whose time is not a number or a stray."""
-    if raw_times is not None and raw_times.dtype.kind == "f" and not np.isfinite(raw_times.sum()):
-        timed = np.isfinite(raw_times)
-        points, raw_times = (points[timed], raw_times[timed]) if timed.any() else (points, None)
-        intensity = None if intensity is None or raw_times is None else intensity[timed]
-    if raw_times is not None and (stray := strays(raw_times)).any():
-        points, raw_times = points[~stray], raw_times[~stray]
-        intensity = None if intensity is None else intensity[~stray]
-    times = None if raw_times is None else clock.seconds_after(stamp_ns, raw_times)
-    intensity32: Float32Array | None = None if intensity is None else intensity.astype(np.float32, copy=False)
-    return Scan(stamp_ns, points, times, intensity32)
 
 
 def _record_type(fields: Fields, time: str | None, order: str, point_step: int) -> np.dtype[np.void]:
@@ -228,7 +204,7 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         for column, name in enumerate("xyz"):
             here[:, column] = block[name]
         size = _sizes(block["x"], block["y"], block["z"])
-        if size.min() > 0 and size.max() < _FARTHEST_M:  # both are false for NaN
+        if size.min() > 0 and size.max() < np.inf:  # both are false for NaN
             for name, values in others.items():
                 values[end : end + len(block)] = block[name]
             end += len(block)

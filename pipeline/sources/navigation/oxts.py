@@ -8,6 +8,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import require_rotation
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.clouds.times_file import read_times
 from wiclosure.pipeline.sources.navigation.imu_topics import ImuReading
@@ -74,5 +75,6 @@ def _transform(path: Path) -> FloatArray:
         raise InputError(
             f"{path} does not hold R and T of an IMU ({error}); take it away to have them found"
         ) from error
+    require_rotation(path, R)
     U, _, Vt = np.linalg.svd(R)
     return np.asarray(se3.from_rotation_translation(U @ Vt, t.reshape(3)))

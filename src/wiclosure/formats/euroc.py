@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import LATEST_NS, LONGEST_QUATERNION, plausible_path
 from wiclosure.formats.pose_columns import line_of_names, pose_columns
 from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.types import Trajectory
@@ -25,8 +26,18 @@ _EARLIEST_NS = 10**14  # a whole number below this counts no nanoseconds since 1
 def is_euroc(line: str) -> bool:
     """Whether a line of data is EuRoC's: at least eight numbers between commas, the first whole nanoseconds."""
     words = [word.strip() for word in line.split(",")]
-    numbers = len(words) >= _COLUMNS and words[0].isdecimal() and all(map(is_number, words[1:_COLUMNS]))
+    numbers = (
+        len(words) >= _COLUMNS
+        and words[0].isdecimal()
+        and len(words[0]) < 20
+        and all(map(is_number, words[1:_COLUMNS]))
+    )
     return numbers and int(words[0]) >= _EARLIEST_NS
+
+
+def _is_pose(row: list[float]) -> bool:
+    """Whether numbers x, y, z and of a quaternion are finite, and the last four no zero."""
+    return bool(np.isfinite(row).all() and 1e-9 <= max(map(abs, row[3:])) < LONGEST_QUATERNION)
 
 
 def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
@@ -57,7 +68,7 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
             stamp_ns = int(words[stamp_column])
         except (ValueError, IndexError):
             row, stamp_ns = [], 0
-        if len(row) < _COLUMNS - 1 or not np.isfinite(row).all() or np.linalg.norm(row[3:]) < 1e-9:
+        if len(row) < _COLUMNS - 1 or stamp_ns > LATEST_NS or not _is_pose(row):
             raise InputError(f"{path}, line {number}: expected stamp [ns], x, y, z, qw, qx, qy, qz")
         if stamps_ns and stamp_ns < stamps_ns[-1]:
             raise InputError(f"{path}, line {number}: stamp {stamp_ns} is before the one above; sort the file")
@@ -66,7 +77,9 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
             rows.append(row)
     if not rows:
         raise InputError(f"{path} holds no poses; expected stamp [ns], x, y, z, qw, qx, qy, qz a line")
-    numbers = np.array(rows)
+    numbers, times_ns = np.array(rows), np.array(stamps_ns, np.int64)
+    near = plausible_path(path, times_ns, numbers[:, :3])
+    numbers, times_ns = numbers[near], times_ns[near]
     rotation = Rotation.from_quat(numbers[:, 3:]).as_matrix()
     poses = se3.from_rotation_translation(rotation, numbers[:, :3])
-    return Trajectory(robot, np.array(stamps_ns, np.int64), poses, drift or DriftModel())
+    return Trajectory(robot, times_ns, poses, drift or DriftModel())

@@ -9,9 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.plausible import FURTHEST_M
 from wiclosure.types import FloatArray, IntArray
 
 _SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact
+_MOST_FRAMES = 1e9
 _NUMBERS = (12, 13, 16, 17)  # a line: three or four rows, and a frame's number before them (KITTI-360)
 
 
@@ -48,15 +50,24 @@ def read_kitti_poses(path: Path | str) -> KittiPoses:
             raise InputError(f"{path}, line {number}: expected 12 numbers (a 3 x 4 matrix), row by row")
         if not np.isfinite(numbers[row]).all():
             raise InputError(f"{path}, line {number}: not finite; expected 12 numbers (a 3 x 4 matrix)")
-    frames = numbers[:, 0].astype(np.int64) if width in {13, 17} else None
+    frames = None
+    if width in {13, 17}:
+        whole = (numbers[:, 0] == np.round(numbers[:, 0])) & (np.abs(numbers[:, 0]) < _MOST_FRAMES)
+        if len(odd := np.flatnonzero(~whole)):
+            raise InputError(f"{path}, line {rows[odd[0]][0]}: {numbers[odd[0], 0]:g} is no number of a frame")
+        frames = numbers[:, 0].astype(np.int64)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = numbers[:, width % 4 :][:, :12].reshape(-1, 3, 4)
+    if len(far := np.flatnonzero((np.abs(poses[:, :3, 3]) > FURTHEST_M).any(axis=1))):
+        raise InputError(f"{path}, line {rows[far[0]][0]}: a position beyond {FURTHEST_M:g} m; expected metres")
     return KittiPoses(_made_exact(path, poses, [number for number, _ in rows]), frames)
 
 
 def _made_exact(path: Path, poses: FloatArray, lines: list[int]) -> FloatArray:
     """Poses whose rotations are orthonormal."""
     R = poses[:, :3, :3]
+    if (np.abs(R) > 2).any():
+        R = np.clip(R, -2, 2)  # no rotation either, and its square is a number
     skewness = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2)) + (np.linalg.det(R) < 0)
     if (skewness > _SKEWNESS).any():
         raise InputError(

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from typing import Literal, TypeAlias
 
+from wiclosure.formats.plausible import LATEST_NS
+
 LengthUnit: TypeAlias = Literal["m", "mm", "cm", "dm", "km", "ft", "in"]
 TimeUnit: TypeAlias = Literal["auto", "s", "ms", "100us", "10us", "us", "100ns", "ns"]
 AngleUnit: TypeAlias = Literal["rad", "deg"]
@@ -34,7 +36,6 @@ _ZERO_RAD: Mapping[AzimuthZero, float] = {
     "back": math.pi,
     "right": -math.pi / 2,
 }
-_LATEST_NS = 2**63 - 1
 
 
 def metres(value: float, unit: LengthUnit) -> float:
@@ -68,11 +69,13 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
         return _date_ns(str(value))
     if not number.is_finite():
         raise ValueError(f"{value!r} is no time")
-    if number.adjusted() > 19 or abs(number) > _LATEST_NS:
-        raise ValueError(f"{str(value)[:40]!r} does not fit 64 bits of nanoseconds")
+    if number.adjusted() > 19:
+        raise ValueError(f"{str(value)[:40]!r} is no time: it lies beyond the year 2200")
+    if number.adjusted() < -30:
+        return 0
     scaled = round(number * NANOSECONDS[stamp_unit_of(number) if unit == "auto" else unit])
-    if abs(scaled) > _LATEST_NS:
-        raise ValueError(f"{str(value)[:40]!r} does not fit 64 bits of nanoseconds")
+    if abs(scaled) > LATEST_NS:
+        raise ValueError(f"{str(value)[:40]!r} is no time: it lies beyond the year 2200")
     return scaled
 
 

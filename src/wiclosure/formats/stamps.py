@@ -9,11 +9,11 @@ from decimal import Decimal, InvalidOperation
 import numpy as np
 from numpy.typing import NDArray
 
+from wiclosure.formats.plausible import LATEST_NS
 from wiclosure.types import IntArray
 
 _PLAIN = np.zeros(256, bool)
 _PLAIN[[0, *b"0123456789."]] = True
-_LARGEST_NS = 2**63 - 1
 _FEW_DIGITS = 7  # what C++ streams (6) and float32 (7) keep of a number
 
 
@@ -26,13 +26,12 @@ def nanoseconds(seconds: str) -> int:
     try:
         value = Decimal(seconds)
     except InvalidOperation:
-        raise ValueError(f"{seconds!r} is not a number") from None
+        raise ValueError(f"{seconds[:40]!r} is not a number") from None
     if not value.is_finite():
         raise ValueError(f"{seconds!r} is not finite")
-    scaled = round(value.scaleb(9))
-    if abs(scaled) > _LARGEST_NS:
-        raise ValueError(f"{seconds!r} is too large for a time in seconds")
-    return scaled
+    if value.adjusted() > 18 or abs(value) * 10**9 > LATEST_NS:
+        raise ValueError(f"{seconds[:40]!r} is too large for a time in seconds: it lies beyond the year 2200")
+    return 0 if value.adjusted() < -18 else round(value.scaleb(9))
 
 
 def few_digits(stamp: str) -> int | None:
@@ -40,6 +39,7 @@ def few_digits(stamp: str) -> int | None:
 
     A whole second may end in zeros: ask where stamps repeat.
     """
+    stamp = stamp.replace(",", ".")
     digits = re.sub(r"[eE].*|[^0-9]", "", stamp).strip("0")
     return len(digits) if len(digits) <= _FEW_DIGITS and abs(float(stamp)) >= 10**_FEW_DIGITS else None
 
@@ -63,7 +63,10 @@ def nanoseconds_of_column(seconds: NDArray[np.bytes_]) -> IntArray:
     if (np.strings.find(fraction, b".") >= 0).any():
         raise ValueError("a number with two decimal points")
     ten_digits = np.strings.ljust(fraction.astype("S10"), 10, b"0").astype(np.int64)
-    return np.asarray(whole.astype(np.int64) * 10**9 + (ten_digits + 5) // 10)
+    stamps_ns = whole.astype(np.int64) * 10**9 + (ten_digits + 5) // 10
+    if stamps_ns.max() > LATEST_NS:
+        raise ValueError(f"{seconds[int(np.argmax(stamps_ns))].decode()} lies beyond the year 2200")
+    return np.asarray(stamps_ns)
 
 
 def seconds_text(stamps_ns: Iterable[int]) -> list[str]:

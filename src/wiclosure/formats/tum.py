@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
 from wiclosure.formats.pose_columns import POSE, line_of_names, pose_columns
 from wiclosure.formats.radio_units import stamp_ns, stamp_unit_of
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
@@ -58,8 +59,9 @@ def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> T
     except (ValueError, ArithmeticError):
         _explain(path, text, columns)
     pose = rows["pose"]
-    norm = np.linalg.norm(pose[:, 3:], axis=1)
-    if not np.isfinite(pose).all() or (norm < 1e-9).any() or (np.diff(stamps_ns) < 0).any():
+    norm = np.linalg.norm(np.clip(pose[:, 3:], -LONGEST_QUATERNION, LONGEST_QUATERNION), axis=1)
+    proper = np.isfinite(pose).all() and (norm >= 1e-9).all() and (norm < LONGEST_QUATERNION).all()
+    if not proper or (np.diff(stamps_ns) < 0).any():
         _explain(path, text, columns)
     first = _first_of_each(path, rows["stamp"], stamps_ns)
     stamps_ns, pose, norm = stamps_ns[first], pose[first], norm[first]
@@ -70,6 +72,8 @@ def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> T
         )
     if (np.abs(norm - 1) > _UNIT_TOLERANCE).any():
         logger.warning("%s: quaternions are not of length one (worst %.3f); normalised", path, norm[_worst(norm)])
+    near = plausible_path(path, stamps_ns, pose[:, :3])
+    stamps_ns, pose = stamps_ns[near], pose[near]
     rotation = Rotation.from_quat(pose[:, 3:]).as_matrix()
     poses = se3.from_rotation_translation(rotation, pose[:, :3])
     return Trajectory(robot, stamps_ns, poses, drift or DriftModel())
@@ -227,6 +231,8 @@ def _check_line(place: str, words: list[str], columns: Sequence[int], width: int
         except ValueError:
             raise InputError(f"{place}: stamp {error}; expected seconds") from None
     numbers = np.array([_number(place, name, word) for name, word in zip(COLUMNS[1:], pose, strict=True)])
+    if not np.abs(numbers[3:]).max() < LONGEST_QUATERNION:
+        raise InputError(f"{place}: the quaternion is far from length one; expected qx qy qz qw")
     if np.linalg.norm(numbers[3:]) < 1e-9:
         raise InputError(f"{place}: the quaternion is zero; expected qx qy qz qw of length one (no rotation: 0 0 0 1)")
     return at_ns

@@ -21,15 +21,15 @@ from pathlib import Path
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.json_values import Record, name, number, optional, shown, vector
+from wiclosure.formats.plausible import LATEST_NS, few
 from wiclosure.formats.radio_units import AngleUnit, radians
 from wiclosure.formats.stamps import seconds_text
 from wiclosure.formats.structured_text import parse_json
 from wiclosure.suggestions import did_you_mean
-from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
+from wiclosure.types import AoaPath, Heading, RangeError, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
 
-MAX_STAMP_S = 9_000_000_000  # nanoseconds beyond this do not fit 64 bits
 DEFAULT_RANGE_SIGMA_M = 0.5  # of a range without `range_sigma`: UWB between moving robots
 _LARGEST_ANGLE_RAD = 2 * math.pi + 1e-6
 
@@ -48,7 +48,7 @@ def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> Wir
     """
     measurements: list[WirelessMeasurement] = []
     headings: list[Heading] = []
-    degrees = _Degrees()
+    degrees, odd = _Degrees(), list[str]()
     for line_number, line in _lines(Path(path)):
         try:
             record = _parsed(line) if angle_unit == "rad" else _in_radians(_parsed(line), angle_unit)
@@ -58,9 +58,13 @@ def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> Wir
             else:
                 measurements.append(_measurement(record))
                 degrees.check(line_number, _angles(record))
+        except RangeError as error:
+            odd.append(f"line {line_number}: {error}")
         except InputError as error:
             raise InputError(f"{path}, line {line_number}: {error}") from error
     degrees.warn(path)
+    if odd:
+        _leave_out(path, odd, len(measurements) + len(headings) + len(odd))
     return WirelessLog() + WirelessLog(tuple(measurements), tuple(headings))
 
 
@@ -80,6 +84,13 @@ def write_wireless_log(path: Path | str, log: WirelessLog) -> None:
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
+def _leave_out(path: Path | str, odd: Sequence[str], total: int) -> None:
+    """Says what is left out because of numbers that nothing real has; raises InputError where that is more than few."""
+    if not few(len(odd), total):
+        raise InputError(f"{path}, {odd[0]}; so it is with {len(odd)} of {total} records")
+    logger.warning("%s, %s; %d of %d records are left out for such numbers", path, odd[0], len(odd), total)
+
+
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """Line numbers from 1, and the lines that are not blank."""
     try:
@@ -210,8 +221,10 @@ def _in_radians(record: Record, unit: AngleUnit) -> Record:
 
 def _stamp_ns(record: Record, key: str) -> int:
     seconds = number(record, key)
-    if abs(seconds) > MAX_STAMP_S:
-        raise InputError(f'"{key}" is {shown(record[key])}; stamps are seconds, not nanoseconds')
+    if abs(seconds) * 1e9 > LATEST_NS:
+        raise InputError(
+            f'"{key}" is {shown(record[key])}; stamps are seconds, not nanoseconds, and end with the year 2200'
+        )
     return round(Decimal(record[key]) * 1_000_000_000)
 
 
