@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,12 +25,14 @@ time.sleep(60)
 
 
 @pytest.fixture
-def begun(tmp_path: Path) -> subprocess.Popen[str]:
+def begun(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """Another process that has written three things there and is still at work."""
     process = subprocess.Popen([sys.executable, "-c", BEGIN, tmp_path], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
-    return process
+    yield process
+    process.kill()
+    process.communicate()
 
 
 def test_what_a_process_leaves_is_removed_when_it_is_gone_and_not_before(

@@ -27,7 +27,7 @@ from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasuremen
 
 logger = logging.getLogger(__name__)
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _RESERVED = frozenset({"team"})  # a key beside the robots' names in metrics.json
 _FILES_BESIDE = ("_odometry", "_ground_truth")  # a run folder holds NAME.tum and, of each robot, NAME_odometry.tum ...
 
@@ -55,7 +55,7 @@ class Dataset:
         for robot in self.robots:
             if not _NAME.fullmatch(robot) or robot in _RESERVED:
                 raise InputError(
-                    f"robot name {robot!r} cannot be used; take letters, digits, '_', '-' and '.', and not 'team'"
+                    f"robot name {robot[:120]!r} cannot be used; take letters, digits, '_', '-' and '.', and not 'team'"
                 )
             if taken := [robot + ending for ending in _FILES_BESIDE if robot + ending in self.robots]:
                 raise InputError(
