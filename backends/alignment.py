@@ -46,7 +46,7 @@ class ClosureComparison:
             most: how many.
         """
         agree = self.distances <= limit
-        p = chance_to_agree(self.chance, limit, len(self.claims))
+        p = chance_to_agree(self.chance, limit, len(self.claims), self.claims.degrees)
         found, taken = [], np.zeros(len(self.claims), bool)
         inside = agree[:, self.anchors]
         for members in dense_sets(inside & inside.T, most):

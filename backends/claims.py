@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.edges import mahalanobis_squared
+from wiclosure.backends.edges import degrees_of_freedom, mahalanobis_squared
 from wiclosure.backends.normal_matrix import DEGREES
 from wiclosure.types import FloatArray, IntArray
 
@@ -52,6 +52,11 @@ class Claims:
     def frames(self) -> FloatArray:
         """`T_A_B (N, 4, 4)` as each closure has it."""
         return np.asarray(self.T_A_a @ self.T_a_b @ se3.inverse(self.T_B_b))
+
+    @cached_property
+    def degrees(self) -> int:
+        """Of freedom of the differences between frames."""
+        return degrees_of_freedom(self.frames)
 
     @cached_property
     def noise(self) -> FloatArray:
@@ -101,21 +106,23 @@ class Claims:
         first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]
+        ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
+        made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
+        unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
         distances = []
         for start in range(0, len(chosen), PAIRS_AT_ONCE):
-            part = chosen[start : start + PAIRS_AT_ONCE]
-            one = self.recombined(first[part], first_end[part])
-            other = self.recombined(second[part], second_end[part])
-            apart = other.wander - one.wander
-            covariance = one.noise + other.noise + apart @ np.swapaxes(apart, 1, 2)
-            distances.append(mahalanobis_squared(se3.log(se3.between(one.frames, other.frames)), covariance))
+            i, j = one[start : start + PAIRS_AT_ONCE], other[start : start + PAIRS_AT_ONCE]
+            apart = unrelated.wander[j] - unrelated.wander[i]
+            covariance = unrelated.noise[i] + unrelated.noise[j] + apart @ np.swapaxes(apart, 1, 2)
+            error = se3.log(se3.between(unrelated.frames[i], unrelated.frames[j]))
+            distances.append(mahalanobis_squared(error, covariance))
         return np.sort(np.concatenate(distances)) if distances else np.zeros(0)
 
     def _arrays(self) -> tuple[FloatArray, ...]:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
 
 
-def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float:
+def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees: int = DEGREES) -> float:
     """Probability that two unrelated closures lie within `limit` of each other.
 
     The share of recombined pairs that do; where they are too few to count, the share within the distance of the
@@ -125,6 +132,7 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float
         distances: sorted, from `Claims.chance_distances`.
         limit: squared distance.
         closures: how many the recombined ones are made of: pairs are no more independent than these allow.
+        degrees: of freedom.
     """
     if not len(distances):
         return 1.0
@@ -134,4 +142,4 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int) -> float
     nearest = min(nearest, len(distances))
     if rank >= nearest:
         return min(1.0, rank / len(distances))
-    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** 3))
+    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** (degrees / 2)))

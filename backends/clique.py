@@ -24,9 +24,9 @@ from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 
 
 @cache
-def chi_square_limit(probability: float) -> float:
-    """Quantile of chi-square with the 6 degrees of freedom of a rigid transform."""
-    return float(chi2.ppf(probability, 6))
+def chi_square_limit(probability: float, degrees: int = 6) -> float:
+    """Quantile of chi-square with the degrees of freedom of a rigid transform, 3 in the plane."""
+    return float(chi2.ppf(probability, degrees))
 
 
 def largest_clique(

@@ -145,10 +145,10 @@ class PoseGraphSettings(Settings):
             )
         return self
 
-    def inlier_limit(self, closures: int) -> float:
+    def inlier_limit(self, closures: int, degrees: int = 6) -> float:
         """Squared distance, by stated covariances, up to which one of so many closures is an inlier."""
         share = self.probability ** (1.0 / max(closures, 1))
-        return float(chi2.ppf(share, 6)) * self.sigma_scale**2
+        return float(chi2.ppf(share, degrees)) * self.sigma_scale**2
 
     def scaled(self, factor: float) -> Self:
         """With `sigma_scale` larger by a factor, as `PcmResult.scale` asks for."""

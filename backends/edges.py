@@ -12,12 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.normal_matrix import NormalMatrix
+from wiclosure.backends.normal_matrix import DEGREES, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 30  # of Gauss-Newton; damped
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 MOST_DAMPED = 1e8
+IN_PLANE = 1e-6  # rad, m: by rounding
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 
 
@@ -60,6 +61,15 @@ class Edges:
     def errors(self, poses: FloatArray) -> FloatArray:
         """Tangent vectors `(M, 6)` from each measurement to the poses `(N, 4, 4)`."""
         return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
+
+
+def degrees_of_freedom(*transforms: FloatArray) -> int:
+    """3 where all transforms `(..., 4, 4)` stay in the plane, else 6: residuals of planar graphs have no others."""
+    planar = (
+        np.abs(T[..., 2, :2]).max(initial=0.0) < IN_PLANE and np.abs(T[..., 2, 3]).max(initial=0.0) < IN_PLANE
+        for T in transforms
+    )
+    return 3 if all(planar) else DEGREES
 
 
 def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:

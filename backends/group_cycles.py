@@ -17,6 +17,8 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 
 RECOMBINED = 100  # frames tried to see whether chance closes a cycle as well
 MOST_CYCLES = 300_000
+# Of both paths, five closures at any places span this share in 99 of 100: strengths may differ so much by chance.
+ALIKE = 0.42
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ class _Votes:
             holding = ~refuted & (~self.objected | (support > 0))
             around = (self.cycles == worst).any(axis=1) & ~self.closed & holding[self.cycles].all(axis=1)
             members = np.unique(self.cycles[around])
-            refuted[members[strength[members] <= strength[worst] / clearly]] = True
+            refuted[members[ALIKE * strength[members] <= strength[worst]]] = True
 
     def _summed(self, strength: FloatArray, chosen: BoolArray) -> FloatArray:
         """By set: over the chosen cycles that it is in, the strength of the weaker of the other two."""
@@ -165,6 +167,7 @@ def _chances(
     for first in np.unique(cycles[:, 0]):
         rows = np.flatnonzero(cycles[:, 0] == first)
         T_a_b, of_a_b = _elsewhere(candidates[first], places, len(candidates))
+        degrees = candidates[first].comparison.claims.degrees
         fewest = min(len(places[group][0]) for group in (candidates[first].a, candidates[first].b))
         for start in range(0, len(rows), PAIRS_AT_ONCE // RECOMBINED):
             part = rows[start : start + PAIRS_AT_ONCE // RECOMBINED]
@@ -173,7 +176,8 @@ def _chances(
             to_c = se3.adjoint(se3.inverse(frames.T[bc]))[:, None]
             spread = to_c @ of_a_b @ np.swapaxes(to_c, -1, -2) + (covariance[bc] + covariance[ac])[:, None]
             distances = mahalanobis_squared(error, spread.reshape(-1, 6, 6)).reshape(len(part), -1)
-            chances[part] = [chance_to_agree(of_cycle, limit, fewest) for of_cycle in np.sort(distances, axis=1)]
+            ranked = np.sort(distances, axis=1)
+            chances[part] = [chance_to_agree(of_cycle, limit, fewest, degrees) for of_cycle in ranked]
     return chances
 
 

@@ -89,7 +89,9 @@ class IncrementalConsistency:
         odometry = since_b + se3.rotate_covariance(se3.adjoint(se3.inverse(predicted)), since_a)
         covariance = spread + merged.scale**2 * (odometry + closure_set.covariance)
         distance = mahalanobis_squared(se3.log(se3.between(closure_set.T_a_b, predicted)), covariance)
-        return np.asarray(distance <= outlier_limit(len(self._closures), self.settings.probability))
+        return np.asarray(
+            distance <= outlier_limit(len(self._closures), self.settings.probability, team.robots.degrees)
+        )
 
     def _at(self, robot: str, indices: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimated poses, samples of their errors, and covariances of the odometry since the node before."""

@@ -55,7 +55,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         return _merged(robots, settings, everything, 1.0)
     scale = _scale(robots, settings, everything)
     merged = _merged(robots, settings, everything, scale)
-    left = sigma_scale.of_residuals(merged.settled.redundant)
+    left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
     better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
     if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
         return merged
@@ -64,15 +64,16 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
 
 def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
     """Of what robots say within themselves; else of the sets between them."""
-    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability)
-    known, scale = sigma_scale.of_residuals(everything.redundant), most
+    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+    known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
     for _ in range(REFINEMENTS):
         if known is None:
             break
         before, scale = scale, sigma_scale.settled(known, most)
         if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
             return scale
-        left = sigma_scale.of_residuals(_own(robots.scaled(scale), everything.scaled(scale), limit).redundant)
+        by_itself = _own(robots.scaled(scale), everything.scaled(scale), limit)
+        left = sigma_scale.of_residuals(by_itself.redundant, robots.degrees)
         if left is None:
             break
         known = scale * left
@@ -98,13 +99,13 @@ def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
 
 def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
     """Round after round."""
-    limit, robots = outlier_limit(len(robots.loops), settings.probability), robots.scaled(scale)
+    limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
     group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
     of_robots: list[CandidateSet] | None = None
     while True:
         places = places_of_groups(robots, group, settled)
         pairs = pairs_of_groups(robots, group)
-        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, places, settings)]
+        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = strongest(candidates, settings.ambiguous_share)

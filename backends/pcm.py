@@ -75,7 +75,7 @@ def pairwise_consistent(
     if not sets:
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
-    merged = merge_groups(team.robots, merge_settings(settings))
+    merged = merge_groups(team.robots, merge_settings(settings, team.robots.degrees))
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
     checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
@@ -86,10 +86,10 @@ def pairwise_consistent(
     return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
 
 
-def merge_settings(settings: PcmSettings) -> MergeSettings:
-    """In the merge's own terms."""
+def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
+    """In the merge's own terms, for measurements of so many degrees of freedom."""
     return MergeSettings(
-        agree_limit=chi_square_limit(settings.probability),
+        agree_limit=chi_square_limit(settings.probability, degrees),
         probability=settings.probability,
         ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from wiclosure.backends.edges import Edges
+from wiclosure.backends.edges import Edges, degrees_of_freedom
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 
@@ -38,6 +39,11 @@ class Robots:
     def count(self) -> int:
         """Of robots."""
         return int(self.robot[-1]) + 1
+
+    @cached_property
+    def degrees(self) -> int:
+        """Of freedom of all measurements."""
+        return degrees_of_freedom(self.odometry.T, self.loops.T)
 
     @property
     def own(self) -> BoolArray:

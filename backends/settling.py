@@ -53,13 +53,13 @@ class Settled:
         )
 
 
-def outlier_limit(closures: int, probability: float) -> float:
+def outlier_limit(closures: int, probability: float, degrees: int = DEGREES) -> float:
     """Squared distance that not one of so many true closures exceeds, with this probability.
 
     Hotelling's distribution rather than chi-square, because the covariances are sampled.
     """
-    freedom = SAMPLES - DEGREES + 1
-    return float(f.ppf(probability ** (1.0 / max(closures, 1)), DEGREES, freedom) * DEGREES)
+    freedom = SAMPLES - degrees + 1
+    return float(f.ppf(probability ** (1.0 / max(closures, 1)), degrees, freedom) * degrees)
 
 
 def graduated(

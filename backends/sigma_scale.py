@@ -25,11 +25,11 @@ ROOM = 4.0  # times the factor of a set, from where the residuals of the estimat
 SHRINKS = 3  # times as far, on a logarithmic scale, as it grows: smaller sigmas let nothing false agree
 
 
-def of_residuals(distances: FloatArray) -> float | None:
-    """Factor by which squared distances `(K,)` of 6 degrees of freedom ask for; None if they are too few."""
+def of_residuals(distances: FloatArray, degrees: int = 6) -> float | None:
+    """Factor by which squared distances `(K,)` ask for; None if they are too few."""
     if len(distances) < ENOUGH:
         return None
-    return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, 6))))
+    return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, degrees))))
 
 
 def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float) -> float:
@@ -47,7 +47,7 @@ def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float)
     inside = np.concatenate(
         [_inside(comparison, limit * rough**2, limit * (2.0 * rough) ** 2, rare) for comparison in comparisons]
     )
-    fine = of_residuals(inside)
+    fine = of_residuals(inside, comparisons[0].claims.degrees)
     if fine is None:
         return 1.0
     found = float(np.clip(fine, rough / 2.0, rough * 2.0))

@@ -308,7 +308,7 @@ def each_path(change: Callable[[float], float]) -> Callable[[Case, np.random.Gen
 
     def spoil(case: Case, _: np.random.Generator) -> Case:
         changed = tuple(
-            replace(m, paths=tuple(replace(p, azimuth=_wrap(change(p.azimuth))) for p in m.paths))
+            replace(m, paths=tuple(replace(p, azimuth=wrap(change(p.azimuth))) for p in m.paths))
             for m in case.log.measurements
         )
         return replace(case, log=replace(case.log, measurements=changed))
@@ -316,7 +316,8 @@ def each_path(change: Callable[[float], float]) -> Callable[[Case, np.random.Gen
     return spoil
 
 
-def _wrap(angle: float) -> float:
+def wrap(angle: float) -> float:
+    """Between -pi and pi."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -395,7 +396,7 @@ def compass_off(degrees: float) -> Callable[[Case, np.random.Generator], Case]:
 
     def spoil(case: Case, _: np.random.Generator) -> Case:
         off = np.radians(degrees)
-        headings = tuple(replace(h, heading=_wrap(h.heading + off)) if h.robot == "b" else h for h in case.log.headings)
+        headings = tuple(replace(h, heading=wrap(h.heading + off)) if h.robot == "b" else h for h in case.log.headings)
         return replace(case, log=replace(case.log, headings=headings))
 
     return spoil
@@ -500,7 +501,7 @@ def _off(case: Case, a: str, b: str, T_a_b: FloatArray, covariance: FloatArray) 
     true = T_odom_a @ case.truth[b].poses[row]
     odom_b = case.odometry[b].poses[row]
     said = T_a_b @ odom_b
-    yaw = abs(_wrap(float(np.arctan2(said[1, 0], said[0, 0]) - np.arctan2(true[1, 0], true[0, 0]))))
+    yaw = abs(wrap(float(np.arctan2(said[1, 0], said[0, 0]) - np.arctan2(true[1, 0], true[0, 0]))))
     offset = said[:2, 3] - true[:2, 3]
     by_position = np.zeros((3, 6))
     by_position[:, :3], by_position[:, 3:] = -T_a_b[:3, :3] @ se3.skew(odom_b[:3, 3]), T_a_b[:3, :3]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,6 +13,7 @@ import numpy as np
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
+from wiclosure.frontends.slips import Slips, find_slips, opened
 from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
 
@@ -142,6 +143,7 @@ class FrontEndResult:
         seconds_reading: wall time of waiting for the scans.
         seconds_odometry: wall time of odometry and clouds.
         seconds_descriptors: wall time of describing them.
+        slips: steps of the odometry that count as unknown by how far they are off.
     """
 
     robot: str
@@ -155,6 +157,7 @@ class FrontEndResult:
     seconds_reading: float
     seconds_odometry: float
     seconds_descriptors: float
+    slips: Slips = field(default_factory=Slips.none)
 
     def __repr__(self) -> str:
         scans, length_m = len(self.odometry), self.odometry.distance[-1]
@@ -163,7 +166,9 @@ class FrontEndResult:
     @classmethod
     def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:
         """Puts together what the stages found."""
-        odometry = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
+        plain = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
+        slips = find_slips(plain)
+        odometry = opened(plain, slips)
         return cls(
             robot=robot,
             odometry=odometry,
@@ -176,7 +181,14 @@ class FrontEndResult:
             seconds_reading=followed.seconds_reading,
             seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
+            slips=slips,
         )
+
+    def slipping(self, more: Slips) -> Self:
+        """With more steps that are not to be trusted."""
+        slips = self.slips + more
+        odometry = opened(replace(self.odometry, step_covariances=None), slips)
+        return replace(self, odometry=odometry, keyframes=odometry.keyframes(self.keyframe_indices), slips=slips)
 
     def moved(self, T_new_odom: FloatArray) -> Self:
         """The same in another frame of the odometry; clouds are in the body's axes and stay."""

@@ -21,6 +21,7 @@ from wiclosure.types import (
     require_own_names,
     robot_pairs,
 )
+from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
@@ -35,8 +36,10 @@ from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
 from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
 from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
+from wiclosure.workers import ThisProcess, Workers
 
 RobotPair: TypeAlias = tuple[str, str]
+NOTHING = KeptPairs.joined([])
 
 
 class WiClosureFilter:
@@ -44,12 +47,13 @@ class WiClosureFilter:
 
     Args:
         settings: alignment, shared trajectory, gate, and what to do where the radio cannot tell.
+        workers: who aligns and searches where there are many pairs of robots; results are the same for all.
     """
 
     name = "wiclosure"
 
-    def __init__(self, settings: FilterSettings | None = None) -> None:
-        self.settings = settings or FilterSettings()
+    def __init__(self, settings: FilterSettings | None = None, workers: Workers | None = None) -> None:
+        self.settings, self.workers = settings or FilterSettings(), workers or ThisProcess()
         self._trajectories: dict[str, Trajectory] = {}
         self._wireless = WirelessLog()
 
@@ -71,11 +75,9 @@ class WiClosureFilter:
         # 3. One estimate of all trajectories, with the uncertainty of any two poses.
         shared = self.share(trajectories, links, list(alignments.values()))
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
-        near = shared.may_meet(make_gate(self.settings.gate))
+        kept = self.search(shared)
         pairs = tuple(
-            self._kept(*pair, shared.estimates[pair], may_meet=pair in near)
-            if pair in shared.estimates
-            else self._unjoined(pair, trajectories, links, alignments.get(pair))
+            kept[pair] if pair in kept else self._unjoined(pair, trajectories, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
         )
         # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
@@ -120,11 +122,7 @@ class WiClosureFilter:
         self, trajectories: Mapping[str, Trajectory], links: Mapping[RobotPair, Links]
     ) -> dict[RobotPair, FrameAlignment]:
         """Frame alignments of all pairs of robots that heard each other."""
-        return {
-            pair: align(between, trajectories, self.settings.alignment)
-            for pair, between in links.items()
-            if between.heard
-        }
+        return side_by_side.alignments(links, trajectories, self.settings.alignment, self.workers)
 
     def diagnosed(
         self,
@@ -163,15 +161,18 @@ class WiClosureFilter:
     def _frame_prior(self) -> FramePrior:
         return FramePrior.of(self.settings.alignment, self.settings.shared_trajectory.gravity_sigma_rad)
 
-    def _kept(self, robot_a: str, robot_b: str, estimate: SharedEstimate, *, may_meet: bool = True) -> CandidatePairs:
-        """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
+    def search(self, shared: SharedTrajectory) -> dict[RobotPair, CandidatePairs]:
+        """Pairs of keyframes of all robots that the estimates join."""
         gate = make_gate(self.settings.gate)
-        models = estimate.models(robot_a, robot_b, gate) if may_meet else ()
-        parts = [find_overlap(model, gate) for model in models]
-        kept = KeptPairs.united(parts).best(self.settings.gate.budget)
-        return CandidatePairs(
-            robot_a, robot_b, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate
-        )
+        near = sorted(shared.may_meet(gate), key={pair: n for n, pair in enumerate(shared.estimates)}.__getitem__)
+        models = ((pair, shared.estimates[pair].models(*pair, gate)) for pair in near)
+        found = dict(side_by_side.searches(models, len(near), self.settings.gate, self.workers))
+        return {pair: self._kept(pair, found.get(pair, NOTHING), joint) for pair, joint in shared.estimates.items()}
+
+    def _kept(self, pair: RobotPair, found: KeptPairs, estimate: SharedEstimate) -> CandidatePairs:
+        """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
+        kept = found.best(self.settings.gate.budget)
+        return CandidatePairs(*pair, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate)
 
     def _unjoined(
         self,
@@ -194,7 +195,8 @@ class WiClosureFilter:
             gate = make_gate(self.settings.gate)
             alternatives = AlternativeEstimates.of(alignment, lambda one: self.share(both, links, [one]), gate)
             if alternatives is not None:
-                return self._kept(a, b, alternatives)
+                parts = [find_overlap(model, gate) for model in alternatives.models(a, b, gate)]
+                return self._kept(pair, KeptPairs.united(parts), alternatives)
         whole = all_pairs(a, len(trajectories[a]), b, len(trajectories[b]))
         return whole if alignment is None else replace(whole, predictor=self._heading(alignment, both))
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.colours import robot_colour
 from wiclosure.errors import OutputError
 from wiclosure.types import (
     AlignmentHypothesis,
@@ -38,8 +39,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Colours that differ for the colour-blind too.
-COLOR_A, COLOR_B, KEPT, REJECTED = "#0072b2", "#d55e00", "#009e73", "#bbbbbb"
+KEPT, REJECTED = "#222222", "#bbbbbb"
+RobotColours: TypeAlias = tuple[str, str]
+"""Of robots a and b: those that each has everywhere."""
 SEARCH_PANELS = 4
 MOST_LINES = 1500
 ELLIPSES = 25
@@ -77,7 +79,7 @@ def save_pictures(
         path = folder / f"filter_{_file_name(pairs.robot_a)}_{_file_name(pairs.robot_b)}.png"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path)
+            figure.savefig(path, dpi=150)
         except OSError as error:
             raise OutputError(f"{path}: cannot write the picture ({error.strerror})") from error
         written.append(path)
@@ -94,11 +96,13 @@ def draw_pair(
     """Links, shared trajectory, kept pairs, the steps of the search, and how the measurements fit, for two robots."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(18, 14), layout="constrained")
+    figure = Figure(figsize=(13.5, 10.5), layout="constrained")
     grid = figure.add_gridspec(3, 12)
     top = [figure.add_subplot(grid[0, 4 * i : 4 * i + 4]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(SEARCH_PANELS)]
-    _draw_links(top[0], links, alignment, trajectories)
+    names = list(trajectories)
+    colours = (robot_colour(names.index(pairs.robot_a)), robot_colour(names.index(pairs.robot_b)))
+    _draw_links(top[0], links, alignment, trajectories, colours)
     draw_fit((figure.add_subplot(grid[2, :6]), figure.add_subplot(grid[2, 6:])), links, alignment)
     model = _model(pairs)
     if model is None:
@@ -106,9 +110,9 @@ def draw_pair(
             axes.text(0.5, 0.5, "nothing joins the robots", ha="center", transform=axes.transAxes)
             axes.set_axis_off()
     else:
-        _draw_shared(top[1], model, pairs)
-        _draw_kept(top[2], model, pairs, gate.sensor_range_m)
-        _draw_search(bottom, model, make_gate(gate))
+        _draw_shared(top[1], model, pairs, colours)
+        _draw_kept(top[2], model, pairs, gate.sensor_range_m, colours)
+        _draw_search(bottom, model, make_gate(gate), colours)
     figure.suptitle(f"{pairs.robot_a} and {pairs.robot_b}: {len(pairs)} pairs kept")
     return figure
 
@@ -125,7 +129,11 @@ def _estimate(pairs: CandidatePairs) -> SharedEstimate | None:
 
 
 def _draw_links(
-    axes: Axes, heard: Links, alignment: FrameAlignment | None, trajectories: Mapping[str, Trajectory]
+    axes: Axes,
+    heard: Links,
+    alignment: FrameAlignment | None,
+    trajectories: Mapping[str, Trajectory],
+    colours: RobotColours,
 ) -> None:
     """Both odometries in the frame of a, and every path heard: kept ones, and those taken for reflections."""
     best = None if alignment is None else alignment.best
@@ -137,8 +145,8 @@ def _draw_links(
     _lines(axes, kept, KEPT, "kept paths")
     if best is not None and not heard.has_bearing.any():
         draw_circles(axes, heard)
-    _road(axes, positions_a, COLOR_A, heard.robot_a)
-    _road(axes, positions_b, COLOR_B, heard.robot_b)
+    _road(axes, positions_a, colours[0], heard.robot_a)
+    _road(axes, positions_b, colours[1], heard.robot_b)
     reason = "no alignment" if alignment is None else alignment.reason
     remark = "; ambiguous" if alignment is not None and alignment.ambiguous else ""
     axes.set_title(f"links and alignment{remark}\n{reason}", fontsize=9)
@@ -159,7 +167,7 @@ def _path_lines(heard: Links, best: AlignmentHypothesis | None, T_a_b: FloatArra
     return lines[there & taken], lines[there & ~taken]
 
 
-def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
+def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs, colours: RobotColours) -> None:
     """Both trajectories in one frame; ellipses hold the place of b, seen from the nearest pose of a, with 90 %."""
     from matplotlib.collections import EllipseCollection
 
@@ -178,12 +186,12 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
             offsets=b[rows, :2],
             offset_transform=axes.transData,
             facecolors="none",
-            edgecolors=COLOR_B,
+            edgecolors=colours[1],
             linewidths=0.8,
         )
     )
-    _road(axes, a, COLOR_A, pairs.robot_a)
-    _road(axes, b, COLOR_B, pairs.robot_b)
+    _road(axes, a, colours[0], pairs.robot_a)
+    _road(axes, b, colours[1], pairs.robot_b)
     estimate = _estimate(pairs)
     likely = 1 if estimate is None else estimate.alternatives
     which = "shared trajectory" if likely == 1 else f"shared trajectory, the likeliest of {likely}"
@@ -191,7 +199,9 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs) -> None:
     axes.legend(fontsize=8)
 
 
-def _draw_kept(axes: Axes, model: PairModel, pairs: CandidatePairs, sensor_range_m: float) -> None:
+def _draw_kept(
+    axes: Axes, model: PairModel, pairs: CandidatePairs, sensor_range_m: float, colours: RobotColours
+) -> None:
     """Lines between the keyframes of kept pairs, the more probable the darker."""
     from matplotlib.collections import LineCollection
 
@@ -202,13 +212,13 @@ def _draw_kept(axes: Axes, model: PairModel, pairs: CandidatePairs, sensor_range
     lines.set_clim(0.0, 1.0)
     axes.add_collection(lines)
     axes.figure.colorbar(lines, ax=axes, label=f"probability to be within {sensor_range_m:g} m")
-    _road(axes, model.a.positions, COLOR_A, pairs.robot_a)
-    _road(axes, model.b.positions, COLOR_B, pairs.robot_b)
+    _road(axes, model.a.positions, colours[0], pairs.robot_a)
+    _road(axes, model.b.positions, colours[1], pairs.robot_b)
     total = len(model.a) * len(model.b)
     axes.set_title(f"kept pairs\n{len(pairs)} of {total}, {len(rows)} drawn", fontsize=9)
 
 
-def _draw_search(panels: list[Axes], model: PairModel, gate: Gate) -> None:
+def _draw_search(panels: list[Axes], model: PairModel, gate: Gate, colours: RobotColours) -> None:
     """Boxes that survive, at steps spread from the roots to the leaves."""
     trace = SearchTrace()
     find_overlap(model, gate, trace)
@@ -221,10 +231,10 @@ def _draw_search(panels: list[Axes], model: PairModel, gate: Gate) -> None:
         parts = trace.steps[steps[number]]
         survivors = sum(len(segment_a) for _, _, segment_a, _ in parts)
         height_a, height_b, _, _ = parts[0]
-        _boxes(axes, trees[0], height_a, np.unique(np.concatenate([part[2] for part in parts])), COLOR_A)
-        _boxes(axes, trees[1], height_b, np.unique(np.concatenate([part[3] for part in parts])), COLOR_B)
-        _road(axes, model.a.positions, COLOR_A, None)
-        _road(axes, model.b.positions, COLOR_B, None)
+        _boxes(axes, trees[0], height_a, np.unique(np.concatenate([part[2] for part in parts])), colours[0])
+        _boxes(axes, trees[1], height_b, np.unique(np.concatenate([part[3] for part in parts])), colours[1])
+        _road(axes, model.a.positions, colours[0], None)
+        _road(axes, model.b.positions, colours[1], None)
         axes.set_title(f"overlap search, step {number + 1} of {len(steps)}: {survivors} pairs of boxes", fontsize=9)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from wiclosure.frontends.inertial.gravity import STANDARD_GRAVITY, GravityFit, f
 from wiclosure.frontends.inertial.mounting import Mounting, find_mounting
 from wiclosure.frontends.inertial.turning import TurningRates
 from wiclosure.frontends.inertial.windows import WINDOW_S, Windows, windows_along
+from wiclosure.frontends.slips import Slips, turned_otherwise
 from wiclosure.types import BoolArray, FloatArray, ImuLog, Trajectory, UpDirections
 
 FEWEST_WINDOWS = 3
@@ -31,6 +32,7 @@ class UpEstimate:
         T_level_odom: `(4, 4)` the smallest turn after which z of the odometry frame points up.
         fit: gravity in its windows, for whoever wants more.
         mounting: where the axes were found rather than given.
+        slips: steps of the odometry that turn otherwise than the gyroscope felt.
     """
 
     sentences: tuple[str, ...]
@@ -38,6 +40,7 @@ class UpEstimate:
     T_level_odom: FloatArray | None = None
     fit: GravityFit | None = None
     mounting: Mounting | None = None
+    slips: Slips = field(default_factory=Slips.none)
 
 
 def estimate_up(
@@ -67,7 +70,8 @@ def estimate_up(
         return _refused(problem, sentences)
     told = [*sentences, *_account(fit, mounting)]
     T_level_odom = se3.from_rotation_translation(fit.R_level_odom, np.zeros(3))
-    return UpEstimate(tuple(told), up_at_keyframes(fit, keyframes), T_level_odom, fit, mounting)
+    slips = turned_otherwise(odometry, rates, R) if rates.tells else Slips.none()
+    return UpEstimate(tuple(told), up_at_keyframes(fit, keyframes), T_level_odom, fit, mounting, slips)
 
 
 def _refused(problem: str, sentences: list[str]) -> UpEstimate:

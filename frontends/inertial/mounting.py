@@ -73,7 +73,7 @@ class _Problem:
     def of(cls, rates: TurningRates, windows: Windows) -> _Problem:
         """Noise as it scatters about the best rotation by rates alone."""
         rows = np.unique(np.linspace(0, len(rates) - 1, min(len(rates), MOST_STEPS)).astype(int))
-        rates = TurningRates(rates.odometry[rows], rates.imu[rows], rates.seconds[rows])
+        rates = TurningRates(rates.odometry[rows], rates.imu[rows], rates.seconds[rows], rates.step[rows])
         R = _by_rates(rates)
         off = rates.odometry - rates.imu @ R.T
         sigma_rate = MAD_TO_SIGMA * float(np.median(np.abs(off - np.median(off, axis=0)))) + 1e-4

@@ -8,7 +8,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.frontends.inertial.windows import MOST_GAP_S, seconds_since
-from wiclosure.types import BoolArray, FloatArray, ImuLog, Trajectory
+from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
 LONGEST_STEP_S = 1.0  # between poses; what turns faster than that is not seen
 MOST_OFFSET_S = 3.0  # that clocks are searched for
@@ -25,11 +25,13 @@ class TurningRates:
         odometry: `(S, 3)` rad/s in the body's axes.
         imu: `(S, 3)` rad/s in the IMU's axes.
         seconds: `(S,)` how long each step is.
+        step: `(S,)` the pose that each step begins at.
     """
 
     odometry: FloatArray
     imu: FloatArray
     seconds: FloatArray
+    step: IntArray
 
     @classmethod
     def of(cls, imu: ImuLog, odometry: Trajectory, offset_s: float = 0.0) -> TurningRates:
@@ -44,7 +46,7 @@ class TurningRates:
         )  # fmt: skip
         at_poses = np.stack([np.interp(t_odom, t_imu, angles[:, axis]) for axis in range(3)], axis=1)
         rates = np.diff(at_poses, axis=0) / seconds[:, None]
-        return cls(turned[covered], rates[covered], seconds[covered])
+        return cls(turned[covered], rates[covered], seconds[covered], np.flatnonzero(covered))
 
     def __len__(self) -> int:
         return len(self.seconds)

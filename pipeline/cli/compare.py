@@ -150,9 +150,16 @@ def _compared(plan: Plan, folder: Path, working: Working, viewers: Viewers) -> C
     from wiclosure.pipeline.comparison.page import write_comparison_page
 
     viewed = partial(viewers.of, several=True)
-    compared = arms.compare(
-        plan, folder, cache=working.cache, jobs=working.jobs, progress=working.progress, viewed=viewed
-    )
+    with working.on_cluster() as cluster:
+        compared = arms.compare(
+            plan,
+            folder,
+            cache=working.cache,
+            jobs=working.jobs,
+            progress=working.progress,
+            viewed=viewed,
+            cluster=cluster,
+        )
     write_comparison(folder, compared)
     write_comparison_page(folder, compared)
     return compared

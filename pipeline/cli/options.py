@@ -6,7 +6,8 @@ Light to import: `wiclosure --help` reads it.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path
@@ -14,11 +15,14 @@ from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
 
+from wiclosure.errors import ConfigError
+
 if TYPE_CHECKING:
     from wiclosure.pipeline.config import Config
     from wiclosure.pipeline.data.inputs import Inputs
     from wiclosure.pipeline.runtime.cache import StageCache
     from wiclosure.pipeline.runtime.progress import Progress
+    from wiclosure.workers import Workers
 
 Data = Annotated[
     list[str],
@@ -174,6 +178,22 @@ class Working:
             help="number of processes: one per robot for odometry, further ones read scans ahead; then registrations",
         ),
     ] = 1
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="dask scheduler whose workers do the work: tcp://HOST:PORT, tls://HOST:PORT, or local:N to start N"
+            " here; all machines must share the cache's folder",
+            show_default=False,
+        ),
+    ] = None
+    cluster_tls: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster-tls", metavar="CA,CERT,KEY", help="PEM files for a tls:// scheduler", show_default=False
+        ),
+    ] = None
     memory: Annotated[
         str | None,
         typer.Option(
@@ -187,6 +207,29 @@ class Working:
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False
     quiet: Quiet = False
     as_json: AsJson = False
+
+    @contextmanager
+    def on_cluster(self) -> Iterator[Workers | None]:
+        """The cluster that is asked for, or None: then `jobs` processes work here.
+
+        Raises:
+            ConfigError: see `wiclosure.pipeline.runtime.cluster.cluster`; or options that do not go together.
+        """
+        if self.cluster is None:
+            if self.cluster_tls is not None:
+                raise ConfigError("--cluster-tls goes with --cluster tls://HOST:PORT")
+            yield None
+            return
+        from wiclosure.pipeline.runtime.cluster import TlsFiles, cluster
+
+        if self.jobs > 1:
+            raise ConfigError("-j and --cluster are two ways to work side by side; give one of them")
+        if self.no_cache:
+            raise ConfigError("a cluster hands its results over by the cache; leave out --no-cache")
+        with cluster(
+            self.cluster, None if self.cluster_tls is None else TlsFiles.of_words(self.cluster_tls)
+        ) as workers:
+            yield workers
 
     @property
     def progress(self) -> Progress:

@@ -56,7 +56,10 @@ def reproduce(
 
     chosen, plan = reproducing.plan_of(experiment, **asdict(worlds), set_=set_)
     with result_folder(result, [str(worlds.poses)] if worlds.poses else []) as (folder, scratch):
-        compared = compare(plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress)
+        with working.on_cluster() as cluster:
+            compared = compare(
+                plan, scratch, cache=working.cache, jobs=working.jobs, progress=working.progress, cluster=cluster
+            )
         write_comparison(scratch, compared)
         write_comparison_page(scratch, compared)
         (scratch / "reproduce.md").write_text(

@@ -58,6 +58,7 @@ def run(
     from wiclosure.pipeline.report import illustrations, tables
     from wiclosure.pipeline.report.html.report import write_run_report
     from wiclosure.pipeline.report.terminal import show
+    from wiclosure.pipeline.runtime.processes import local_workers
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
@@ -66,13 +67,15 @@ def run(
     with (
         result_folder(result, data) as (folder, scratch),
         viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
+        working.on_cluster() as cluster,
     ):
         inputs = reading.inputs(data)
-        chosen = running.candidate_filter(config.use_filter, inputs, config)
+        workers = cluster or local_workers(working.jobs)
+        chosen = running.candidate_filter(config.use_filter, inputs, config, workers)
         shown = working.progress
         with viewers.of("run") as viewer:
             prepared = running.prepare(
-                inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer
+                inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer, cluster=cluster
             )
             found = running.run_stages(prepared, chosen, progress=shown, viewer=viewer)
         run_folder.write_run(scratch, found)

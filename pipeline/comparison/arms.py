@@ -19,11 +19,13 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.report.html.report import write_run_report
 from wiclosure.pipeline.report.illustrations import Sketch, illustrate_arms, illustrate_run
 from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.stages.registrations import KnownRegistrations
 from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_folder import write_run
 from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
+from wiclosure.workers import Workers
 
 logger = logging.getLogger(__name__)
 
@@ -33,7 +35,14 @@ Viewed: TypeAlias = Callable[[str], AbstractContextManager[Viewer]]
 
 
 def compare(
-    plan: Plan, folder: Path, *, cache: StageCache, jobs: int, progress: Progress, viewed: Viewed | None = None
+    plan: Plan,
+    folder: Path,
+    *,
+    cache: StageCache,
+    jobs: int,
+    progress: Progress,
+    viewed: Viewed | None = None,
+    cluster: Workers | None = None,
 ) -> Comparison:
     """Runs every arm, and writes each one's run folder and pictures below `folder`.
 
@@ -45,7 +54,7 @@ def compare(
     outcomes: list[Outcome] = []
     for world in plan.worlds:
         arms = _Arms(world, plan, folder, progress, viewed or _unseen)
-        outcomes += _compare_in(arms, cache=cache, jobs=jobs)
+        outcomes += _compare_in(arms, cache=cache, jobs=jobs, cluster=cluster)
     presets = list(plan.configs)
     outcomes.sort(key=lambda o: (presets.index(o.preset), plan.filters.index(o.filter), o.seed))
     return Comparison(plan, tuple(outcomes))
@@ -66,7 +75,7 @@ def _unseen(_: str) -> AbstractContextManager[Viewer]:
     return nullcontext(NoViewer())
 
 
-def _compare_in(arms: _Arms, *, cache: StageCache, jobs: int) -> Iterator[Outcome]:
+def _compare_in(arms: _Arms, *, cache: StageCache, jobs: int, cluster: Workers | None) -> Iterator[Outcome]:
     plan, inputs = arms.plan, arms.world.inputs()
     for config in plan.configs.values():
         for name in plan.filters:
@@ -75,7 +84,9 @@ def _compare_in(arms: _Arms, *, cache: StageCache, jobs: int) -> Iterator[Outcom
     firsts = [next(iter(configs.values())) for configs in groups]
     for number, configs in enumerate(groups):
         later = firsts[number + 1 :]
-        shared = prepare(inputs, firsts[number], cache=cache, jobs=jobs, progress=arms.progress, also=later)
+        shared = prepare(
+            inputs, firsts[number], cache=cache, jobs=jobs, progress=arms.progress, also=later, cluster=cluster
+        )
         known: dict[object, KnownRegistrations] = {}
         for preset, config in configs.items():
             prepared = replace(shared, config=config, known=known.setdefault(config.registration, {}))
@@ -91,7 +102,9 @@ def _compare_filters(prepared: Prepared, preset: str, arms: _Arms) -> Iterator[O
     for name in sorted(plan.filters, key=lambda name: name == "random"):
         for seed in world.draws if name == "random" else (world.seed,):
             own = replace(prepared, config=_with_random(prepared.config, keep_rate, seed))
-            chosen, where = candidate_filter(name, own.inputs, own.config), plan.folder(seed, preset) / name
+            workers = own.cluster or local_workers(own.jobs)
+            chosen = candidate_filter(name, own.inputs, own.config, workers)
+            where = plan.folder(seed, preset) / name
             with arms.viewed("-".join(where.parts)) as viewer:
                 result = run_stages(own, chosen, progress=arms.progress, viewer=viewer)
             if sketches or world is not plan.worlds[0] or preset != next(iter(plan.configs)):

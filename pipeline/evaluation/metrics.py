@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 
 class CandidateMetrics(TypedDict):
@@ -120,8 +120,16 @@ class TrajectoryMetrics(TypedDict):
     diagnosis: list[str]
 
 
+class WorkerMetrics(TypedDict):
+    """A cluster's part in a run and those before it: workers used, work done again after deaths, bytes out and in."""
+
+    used: int
+    retries: int
+    bytes_moved: int
+
+
 class CostMetrics(TypedDict):
-    """What a run took: wall time per stage, bytes between the robots, memory.
+    """What a run took: wall time per stage, bytes between the robots, memory; and what a cluster did, if there was one.
 
     `seconds` is what the run costs from raw scans; `seconds_spent` what it really spent, with stages taken from a cache
     or another arm.
@@ -131,6 +139,7 @@ class CostMetrics(TypedDict):
     seconds_spent: dict[str, float]
     bytes_exchanged: int | None
     peak_rss_mb: float | None
+    workers: NotRequired[WorkerMetrics]
 
 
 class UpMetrics(TypedDict):

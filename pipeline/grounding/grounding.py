@@ -56,6 +56,8 @@ def grounded(fronts: Mapping[str, FrontEndResult], inputs: Inputs, settings: Ear
             continue
         front = fronts[robot.robot]
         found = estimate_up(robot.imu.log, front.odometry, front.keyframes, robot.imu.T_lidar_imu)
+        if len(found.slips):
+            upright[robot.robot] = front = front.slipping(found.slips)
         sentences += [f"{robot.robot}: {sentence}" for sentence in (*found.sentences, *_tilt(found))]
         if found.up is not None and found.T_level_odom is not None:
             up[robot.robot], level[robot.robot] = found.up, found.T_level_odom

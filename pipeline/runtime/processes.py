@@ -4,46 +4,81 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
 from threading import Thread
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from wiclosure.errors import ProcessError
+from wiclosure.workers import ThisProcess, Workers, at_work
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+_LISTEN_S = 0.2
+
+
+class Processes:
+    """Fresh processes on this machine, for each call anew.
+
+    Args:
+        count: how many.
+    """
+
+    costs = None
+    remote = False
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def each(
+        self,
+        work: Callable[[_Item], _Result],
+        items: Sequence[_Item],
+        *,
+        named: Callable[[_Item], str] = str,
+        told: Callable[..., None] | None = None,
+    ) -> Generator[tuple[int, _Result], None, None]:
+        """See `wiclosure.workers.Workers`; ending early tells the processes to end, see `require_wanted`."""
+        if not items:
+            return
+        with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
+            news: SimpleQueue[tuple[Any, ...]] = get_context("spawn").SimpleQueue()
+        with _side_by_side(work, items, min(self.count, len(items)), news) as futures:
+            number, waiting = {future: n for n, future in enumerate(futures)}, set(futures)
+            while waiting:
+                done, waiting = wait(waiting, timeout=_LISTEN_S, return_when=FIRST_COMPLETED)
+                while not news.empty():
+                    heard = news.get()
+                    if told is not None:
+                        told(*heard)
+                for future in sorted(done, key=number.__getitem__):
+                    yield number[future], future.result()
+
+
+def local_workers(jobs: int) -> Workers:
+    """So many processes; one is this one."""
+    return ThisProcess() if jobs == 1 else Processes(jobs)
+
 
 @contextmanager
-def side_by_side(
-    work: Callable[[_Item], _Result],
-    items: Iterable[_Item],
-    jobs: int,
-    *,
-    begin: Callable[..., None],
-    given: tuple[object, ...],
+def _side_by_side(
+    work: Callable[[_Item], _Result], items: Iterable[_Item], jobs: int, news: SimpleQueue[tuple[Any, ...]]
 ) -> Iterator[list[Future[_Result]]]:
     """Every item is worked on in one of `jobs` fresh processes; entering gives what to wait for, in the items' order.
 
-    Leaving with an exception, an interruption too, tells the processes to end, see `require_wanted`.
-
-    Args:
-        work: a function of a module, on one item.
-        items: what is sent to the processes, one by one.
-        jobs: how many processes.
-        begin: called in each process before any work.
-        given: its arguments.
+    Leaving with an exception, an interruption too, tells the processes to end.
     """
     # Forked processes would inherit locks that other libraries' threads hold.
     fresh = get_context("spawn")
-    with interrupts_ignored():  # by the process, too, that tidies up after the others
+    with interrupts_ignored():
         unwanted, others = fresh.Event(), set(active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_Worker.begin, initargs=(unwanted, begin, given))
+    pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_begin, initargs=(unwanted, news))
     try:
         yield _submitted(pool, work, items)
     except BaseException as error:
@@ -95,30 +130,17 @@ def interrupts_ignored() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def require_wanted() -> None:
-    """To be called now and then in long work: ends it when nobody waits for its result any more.
-
-    Raises:
-        InterruptedError: this is a worker, and the process that began it was interrupted.
-    """
-    if _Worker.unwanted is not None and _Worker.unwanted.is_set():
-        raise InterruptedError("nobody waits for this work any more")
+_FOR_LIFE = ExitStack()
 
 
-class _Worker:
-    """What a worker knows of the process that began it."""
+def _begin(unwanted: Event, news: SimpleQueue[tuple[Any, ...]]) -> None:
+    """What a fresh process does before any work."""
+    Thread(target=_follow_parent, daemon=True).start()
+    _FOR_LIFE.enter_context(at_work(told=lambda *heard: news.put(heard), wanted=lambda: not unwanted.is_set()))
 
-    unwanted: Event | None = None
 
-    @classmethod
-    def begin(cls, unwanted: Event, begin: Callable[..., None], given: tuple[object, ...]) -> None:
-        cls.unwanted = unwanted
-        Thread(target=cls._follow_parent, daemon=True).start()
-        begin(*given)
-
-    @staticmethod
-    def _follow_parent() -> None:
-        """Ends this worker when the process that began it is killed: between two works it would wait for ever."""
-        if (parent := parent_process()) is not None:
-            parent.join()
-            os._exit(1)
+def _follow_parent() -> None:
+    """Ends this worker when the process that began it is killed: between two works it would wait for ever."""
+    if (parent := parent_process()) is not None:
+        parent.join()
+        os._exit(1)

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.queues import SimpleQueue
 from typing import TypeAlias
 
 from pydantic import ValidationError
@@ -20,17 +17,17 @@ from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, Od
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
-from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
+from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.reading_ahead import read_ahead
 from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import Scan
+from wiclosure.workers import Workers, require_wanted, tell
 
 Shown: TypeAlias = Callable[[str, int, Followed | None], None]
 """Takes a robot's name, how many of its scans are done, and the last of them where a viewer follows scans."""
 
-_Report: TypeAlias = tuple[str, int, Followed | None]
 _REPORT_S = 0.1
 
 
@@ -43,6 +40,7 @@ def front_ends(
     progress: Progress,
     also: Sequence[Config] = (),
     viewer: Viewer | None = None,
+    workers: Workers | None = None,
 ) -> tuple[dict[str, FrontEndResult], tuple[str, ...]]:
     """Odometry, keyframes and descriptors of every robot, and the names of those whose odometry was in the cache.
 
@@ -55,14 +53,18 @@ def front_ends(
         progress: shows how far it is.
         also: configurations that will be asked for next; where only their keyframes differ, one odometry serves all,
             and the cache keeps what it gave.
-        viewer: is shown scans as they are followed, if it wants.
+        viewer: is shown scans as they are followed, if it wants; not from a cluster, which would have to send them.
+        workers: a cluster that does the work, each worker for one robot at a time; None: processes here.
 
     Raises:
         InputError: a recording cannot be read, or has no usable scan.
+        ConfigError: a cluster without a cache, or one that does not share this one's.
     """
-    spare, seen = max(0, jobs - len(robots)), viewer or NoViewer()
+    if workers is not None and workers.remote and cache.folder is None:
+        raise ConfigError("a cluster hands its results over by the cache; leave out --no-cache")
+    spare, seen = 0 if workers else max(0, jobs - len(robots)), viewer or NoViewer()
     work = [
-        _Work(robot, (config, *also), cache, ahead=number < spare, seen=seen.follows_scans)
+        _Work(robot, (config, *also), cache, ahead=number < spare, seen=seen.follows_scans and workers is None)
         for number, robot in enumerate(robots)
     ]
     with progress.together({robot.robot: len(robot.scans) for robot in robots}, "odometry of") as counted:
@@ -72,12 +74,20 @@ def front_ends(
             if followed is not None:
                 seen.scan(robot, followed)
 
-        if jobs > 1 and len(robots) > 1:
-            done = _in_processes(work, min(jobs, len(robots)), shown)
-        else:
-            done = [one.front_end(shown) for one in work]
+        done = _done(work, workers or local_workers(1 if len(robots) == 1 else jobs), shown)
     reused = tuple(result.robot for result, from_cache in done if from_cache)
     return {result.robot: result for result, _ in done}, reused
+
+
+def _done(work: Sequence[_Work], workers: Workers, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
+    """What one robot lacks is said at once, not after the others are done."""
+    if workers.remote:
+        with closing(workers.each(_kept, work, told=shown)) as kept:
+            reused = dict(kept)
+        return [(one.found(), reused[number]) for number, one in enumerate(work)]
+    with closing(workers.each(_front_end, work, told=shown)) as done:
+        found = dict(done)
+    return [found[number] for number in range(len(work))]
 
 
 def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[str, ...]:
@@ -99,6 +109,8 @@ def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[
         sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
     if counts.scans < len(robot.scans):
         sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
+    if slipped := result.slips.sentence(int(result.odometry.stamps_ns[0])):
+        sentences.append(slipped)
     return (*robot.remarks, *(f"{robot.robot}: {sentence}" for sentence in sentences))
 
 
@@ -135,7 +147,10 @@ class _Work:
     ahead: bool
     seen: bool = False
 
-    def front_end(self, shown: Shown) -> tuple[FrontEndResult, bool]:
+    def __str__(self) -> str:
+        return f"odometry of {self.robot.robot}"
+
+    def front_end(self) -> tuple[FrontEndResult, bool]:
         """The result, and whether its odometry was in the cache.
 
         Each stage depends on what it uses, and on no other setting: another descriptor needs no new odometry.
@@ -147,18 +162,35 @@ class _Work:
             odometry,
             load=OdometryResult.load,
             save=OdometryResult.save,
-            compute=lambda: self._odometry(shown),
+            compute=self._odometry,
         )
         described, _ = self.cache.reuse(
             "descriptors",
-            [odometry, config.scan_context.model_dump()],
+            _of_descriptors(odometry, config),
             load=Descriptors.load,
             save=Descriptors.save,
             compute=lambda: describe_all(followed.clouds, config.scan_context),
         )
         return FrontEndResult.of(self.robot.robot, config.drift, followed, described), from_cache
 
-    def _odometry(self, shown: Shown) -> OdometryResult:
+    def found(self) -> FrontEndResult:
+        """What another worker left in the cache.
+
+        Raises:
+            ConfigError: it is not there.
+        """
+        config = self.configs[0]
+        odometry = _of_odometry(self.robot, config)
+        followed = self.cache.find("odometry", odometry, load=OdometryResult.load)
+        described = self.cache.find("descriptors", _of_descriptors(odometry, config), load=Descriptors.load)
+        if followed is None or described is None:
+            raise ConfigError(
+                f"the cluster left the odometry of {self.robot.robot} in its own {self.cache.folder}; name a"
+                " folder that all machines share (WICLOSURE_CACHE), with room for all of it (WICLOSURE_CACHE_GB)"
+            )
+        return FrontEndResult.of(self.robot.robot, config.drift, followed, described)
+
+    def _odometry(self) -> OdometryResult:
         """By the first configuration; the cache takes what the others with the same odometry will need."""
         config, robot = self.configs[0], self.robot
         others = [
@@ -169,56 +201,41 @@ class _Work:
         settings = odometry_settings(robot, config)
         run = OdometryRun(settings, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
-            run.process_all(_reported(scans, robot.robot, shown, run if self.seen else None))
+            run.process_all(_reported(scans, robot.robot, run if self.seen else None))
         result, *further = run.results()
         for other, found in zip(others, further, strict=True):
             self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
         return result
 
 
-def _in_processes(work: Sequence[_Work], jobs: int, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
-    """One robot a process."""
-    with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
-        reports: SimpleQueue[_Report] = get_context("spawn").SimpleQueue()
-    with side_by_side(_Worker.front_end, work, jobs, begin=_Worker.begin, given=(reports,)) as futures:
-        waiting = set(futures)
-        while waiting:
-            done, waiting = wait(waiting, timeout=2 * _REPORT_S, return_when=FIRST_COMPLETED)
-            while not reports.empty():
-                shown(*reports.get())
-            for future in done:
-                future.result()  # whatever one robot lacks is said at once, not after the others are done
-        return [future.result() for future in futures]
+def _front_end(work: _Work) -> tuple[FrontEndResult, bool]:
+    return work.front_end()
 
 
-class _Worker:
-    """What happens in another process; its reports go to the first one."""
-
-    reports: SimpleQueue[_Report]
-
-    @classmethod
-    def begin(cls, reports: SimpleQueue[_Report]) -> None:
-        cls.reports = reports
-
-    @classmethod
-    def front_end(cls, work: _Work) -> tuple[FrontEndResult, bool]:
-        return work.front_end(lambda *report: cls.reports.put(report))
+def _kept(work: _Work) -> bool:
+    """Leaves the result in the cache; whether its odometry was there."""
+    _, from_cache = work.front_end()
+    return from_cache
 
 
 def _of_odometry(robot: RobotInput, config: Config) -> list[object]:
-    """What the result of odometry depends on."""
+    """What the result of odometry depends on, and is found by in the cache."""
     settings = odometry_settings(robot, config).model_dump(exclude={"num_threads"})
     return [robot.robot, robot.identity, settings, config.keyframes.model_dump()]
 
 
-def _reported(scans: Iterable[Scan], robot: str, shown: Shown, run: OdometryRun | None) -> Iterator[Scan]:
-    """The same scans; how many passed is shown some times a second, and at the end; of the run its last, if given."""
+def _of_descriptors(odometry: list[object], config: Config) -> list[object]:
+    return [odometry, config.scan_context.model_dump()]
+
+
+def _reported(scans: Iterable[Scan], robot: str, run: OdometryRun | None) -> Iterator[Scan]:
+    """The same scans; how many passed is told some times a second, and at the end; of the run its last, if given."""
     count, last_s = 0, time.monotonic()
     for scan in scans:
         require_wanted()
         yield scan
         count += 1
         if time.monotonic() - last_s > _REPORT_S:
-            shown(robot, count, run.last if run is not None else None)
+            tell(robot, count, run.last if run is not None else None)
             last_s = time.monotonic()
-    shown(robot, count, None)
+    tell(robot, count, None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,8 @@ from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, Registered, Start
-from wiclosure.types import Float32Array, FloatArray, KeyframeId, Measured, RegistrationEvidence
+from wiclosure.pipeline.stages.stored_clouds import digest_of
+from wiclosure.types import FloatArray, KeyframeId, Measured, RegistrationEvidence
 
 _STAGE = "registrations"
 
@@ -49,15 +49,7 @@ class RegistrationStore:
 
     def _depends_on(self) -> object:
         settings = self.settings.model_dump(exclude={"num_threads", "cached_clouds"})
-        return [{robot: _digest(front.clouds) for robot, front in self.fronts.items()}, settings]
-
-
-def _digest(clouds: tuple[Float32Array, ...]) -> str:
-    digest = hashlib.sha256()
-    for cloud in clouds:
-        digest.update(len(cloud).to_bytes(8, "little"))
-        digest.update(np.ascontiguousarray(cloud).data)
-    return digest.hexdigest()
+        return [{robot: digest_of(front.clouds) for robot, front in self.fronts.items()}, settings]
 
 
 def _save(known: KnownRegistrations, path: Path) -> None:

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Generator, Mapping, Sequence
-from concurrent.futures import as_completed
 from contextlib import closing
 from dataclasses import dataclass, field
+from threading import local
 from typing import TypeAlias
 
 import numpy as np
 
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.registration import Registration
-from wiclosure.pipeline.runtime.processes import require_wanted, side_by_side
 from wiclosure.pipeline.runtime.progress import Progress
+from wiclosure.pipeline.stages.stored_clouds import StoredClouds
 from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Measured, PredictionKind, Stage
+from wiclosure.workers import ThisProcess, Workers, batches, require_wanted
 
 Clouds: TypeAlias = Mapping[KeyframeId, Float32Array]
 """Clouds `(N, 3)` of keyframes in the body's axes."""
 
 _AT_ONCE = 16  # closures sent to a process together: neighbours share clouds
-_WORTH_PROCESSES = 2 * _AT_ONCE  # fewer are registered sooner than processes start
+_WORTH_WORKERS = 2 * _AT_ONCE  # fewer are registered sooner than processes start
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,20 +98,26 @@ class RegistrationPool:
         clouds: of all keyframes that may occur.
         known: registrations done so far.  Arms of a comparison share it: a pair registered from the same start is
             registered once, and its time is charged to every arm that needs it.
-        jobs: processes; results are the same for any number.
+        workers: who registers; results are the same for all.
+        stored: by robot, where workers that share no memory find the clouds.
     """
 
     settings: RegistrationSettings
     clouds: Clouds
     known: KnownRegistrations = field(default_factory=dict)
-    jobs: int = 1
+    workers: Workers = field(default_factory=ThisProcess)
+    stored: Mapping[str, StoredClouds] = field(default_factory=dict)
 
     def register(self, proposed: Sequence[Closure], progress: Progress) -> tuple[list[Closure], float]:
         """Every proposed closure as registration leaves it, and the seconds that takes if none was known before."""
         starts = [Start.of(closure) for closure in proposed]
         new = {start: closure for start, closure in zip(starts, proposed, strict=True) if start not in self.known}
         work = [_Work(start, closure) for start, closure in new.items()]
-        done = self._here(work) if self.jobs == 1 or len(work) < _WORTH_PROCESSES else self._side_by_side(work)
+        done = (
+            self._here(work)
+            if (self.workers.count == 1 and not self.stored) or len(work) < _WORTH_WORKERS
+            else self._side_by_side(work)
+        )
         with closing(done):  # an interruption here ends the processes at once
             self.known.update(progress.track(done, "registration", len(work)))
         found = [self.known[start] for start in starts]
@@ -123,12 +130,11 @@ class RegistrationPool:
         return (_registered(registration, w, self.clouds) for w in work)
 
     def _side_by_side(self, work: Sequence[_Work]) -> Generator[tuple[Start, Registered], None, None]:
-        batches = [_Batch.of(work[begin : begin + _AT_ONCE], self.clouds) for begin in range(0, len(work), _AT_ONCE)]
-        with side_by_side(
-            _Worker.register, batches, min(self.jobs, len(batches)), begin=_Worker.begin, given=(self.settings,)
-        ) as futures:
-            for future in as_completed(futures):
-                yield from future.result()
+        ordered = sorted(work, key=lambda w: (w.start.query.robot, w.start.query.index))
+        parts = [_Batch.of(part, self) for part in batches(ordered, _AT_ONCE)]
+        with closing(self.workers.each(_register, parts)) as done:
+            for _, found in done:
+                yield from found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,31 +145,55 @@ class _Work:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Batch:
-    """Closures to register, and the clouds that they need."""
+    """Closures to register: about a second's work, those of one keyframe together.
+
+    Args:
+        work: the closures.
+        settings: of the registration.
+        clouds: that they need; empty where they are stored.
+        stored: where the clouds of their robots lie, else.
+    """
 
     work: Sequence[_Work]
+    settings: RegistrationSettings
     clouds: Clouds
+    stored: Mapping[str, StoredClouds]
 
     @classmethod
-    def of(cls, work: Sequence[_Work], clouds: Clouds) -> _Batch:
-        return cls(work, {key: clouds[key] for w in work for key in (w.start.query, w.start.match)})
+    def of(cls, work: Sequence[_Work], pool: RegistrationPool) -> _Batch:
+        keys = {key for w in work for key in (w.start.query, w.start.match)}
+        if pool.stored:
+            return cls(work, pool.settings, {}, {key.robot: pool.stored[key.robot] for key in keys})
+        return cls(work, pool.settings, {key: pool.clouds[key] for key in keys}, {})
+
+    def __str__(self) -> str:
+        first = self.work[0].start
+        return (
+            f"the registration of {len(self.work)} closures, the first of {first.query.robot} {first.query.index}"
+            f" and {first.match.robot} {first.match.index}"
+        )
+
+    def cloud(self, key: KeyframeId) -> Float32Array:
+        return self.stored[key.robot].load()[key.index] if self.stored else self.clouds[key]
 
 
-class _Worker:
-    """What happens in another process."""
+class _Own(local):
+    """What a worker's thread keeps from one batch to the next: what was prepared of a cloud is known by the array."""
 
+    settings: RegistrationSettings | None = None
     registration: Registration
     clouds: dict[KeyframeId, Float32Array]
 
-    @classmethod
-    def begin(cls, settings: RegistrationSettings) -> None:
-        cls.registration, cls.clouds = Registration(settings), {}
 
-    @classmethod
-    def register(cls, batch: _Batch) -> list[tuple[Start, Registered]]:
-        # Those of earlier batches stay, since what was prepared of them is known by the array itself.
-        cls.clouds = {**batch.clouds, **cls.clouds}
-        return [_registered(cls.registration, w, cls.clouds) for w in batch.work]
+_own = _Own()
+
+
+def _register(batch: _Batch) -> list[tuple[Start, Registered]]:
+    if _own.settings != batch.settings:
+        _own.settings, _own.registration, _own.clouds = batch.settings, Registration(batch.settings), {}
+    _own.clouds = {**batch.clouds, **_own.clouds}
+    clouds = {key: batch.cloud(key) for w in batch.work for key in (w.start.query, w.start.match)} | _own.clouds
+    return [_registered(_own.registration, w, clouds) for w in batch.work]
 
 
 def _registered(registration: Registration, work: _Work, clouds: Clouds) -> tuple[Start, Registered]:

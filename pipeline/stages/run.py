@@ -18,6 +18,7 @@ from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
 from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
 from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
@@ -25,9 +26,11 @@ from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
+from wiclosure.pipeline.stages.stored_clouds import StoredClouds
 from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
 from wiclosure.types import KeyframeId
 from wiclosure.wiclosure_filter.registry import make_filter
+from wiclosure.workers import Workers
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +48,7 @@ class Prepared:
         cache: keeps them for later invocations.
         shared: whether another run of this invocation has paid for the front ends already.
         jobs: processes for registrations.
+        cluster: does the work in their place.
     """
 
     inputs: Inputs
@@ -55,6 +59,7 @@ class Prepared:
     shared: bool = False
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     jobs: int = 1
+    cluster: Workers | None = None
 
     @property
     def fronts(self) -> dict[str, FrontEndResult]:
@@ -62,14 +67,14 @@ class Prepared:
         return self.grounding.fronts
 
 
-def candidate_filter(name: str, inputs: Inputs, config: Config) -> CandidateFilter:
+def candidate_filter(name: str, inputs: Inputs, config: Config, workers: Workers | None = None) -> CandidateFilter:
     """The filter of that name, with the settings of the run, and ground truth where every robot has it.
 
     Raises:
         ConfigError: no such filter, or the oracle without ground truth.
     """
     truth = inputs.ground_truth
-    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None)
+    return make_filter(name, config.filter, truth if len(truth) == len(inputs.robots) else None, workers)
 
 
 def prepare(
@@ -81,6 +86,7 @@ def prepare(
     progress: Progress,
     also: Sequence[Config] = (),
     viewer: Viewer | None = None,
+    cluster: Workers | None = None,
 ) -> Prepared:
     """Every robot's own part: odometry, keyframes, descriptors; see `front_ends`.
 
@@ -90,9 +96,10 @@ def prepare(
     for each in (config, *also):
         Registration(each.registration)
     fronts, from_cache = front_ends(
-        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer
+        inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer, workers=cluster
     )
-    return Prepared(inputs, config, grounded(fronts, inputs, config.earth), from_cache, cache=cache, jobs=jobs)
+    grounding = grounded(fronts, inputs, config.earth)
+    return Prepared(inputs, config, grounding, from_cache, cache=cache, jobs=jobs, cluster=cluster)
 
 
 def run_stages(
@@ -102,7 +109,13 @@ def run_stages(
     inputs, config, fronts, seen = prepared.inputs, prepared.config, prepared.fronts, viewer or NoViewer()
     seen.fronts(fronts)
     clouds = {KeyframeId(robot, k): cloud for robot, front in fronts.items() for k, cloud in enumerate(front.clouds)}
-    registrations = RegistrationPool(config.registration, clouds, prepared.known, prepared.jobs)
+    workers = prepared.cluster or local_workers(prepared.jobs)
+    stored = (
+        {robot: StoredClouds.of(robot, front.clouds, prepared.cache) for robot, front in fronts.items()}
+        if workers.remote
+        else {}
+    )
+    registrations = RegistrationPool(config.registration, clouds, prepared.known, workers, stored)
     store = RegistrationStore(prepared.cache, fronts, config.registration)
     recalled = store.recall(prepared.known)
     solution = solve(
@@ -147,12 +160,19 @@ def _costs(prepared: Prepared, solution: Solution, mapping_s: float) -> CostMetr
     paid = [] if prepared.shared else [f for robot, f in prepared.fronts.items() if robot not in prepared.from_cache]
     gravity_s = prepared.grounding.seconds
     spent = {"gravity": 0.0 if prepared.shared else gravity_s} | solution.seconds_spent
-    return {
+    costs: CostMetrics = {
         "seconds": _stages(prepared.fronts.values(), {"gravity": gravity_s} | solution.seconds, mapping_s),
         "seconds_spent": _stages(paid, spent, mapping_s),
         "bytes_exchanged": solution.bytes_exchanged,
         "peak_rss_mb": peak_rss_mb(),
     }
+    if prepared.cluster is not None and (work := prepared.cluster.costs) is not None:
+        costs["workers"] = {
+            "used": len(work.workers),
+            "retries": work.retries,
+            "bytes_moved": work.bytes_moved,
+        }
+    return costs
 
 
 def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], mapping_s: float) -> dict[str, float]:

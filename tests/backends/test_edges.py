@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
-from wiclosure.backends.edges import Edges, System
+from wiclosure.backends.edges import Edges, System, degrees_of_freedom
 
 SIGMA = np.repeat([0.02, 0.1], 3)
 
@@ -80,3 +80,10 @@ def test_an_edge_of_no_weight_changes_nothing(weight):
     found = System.of(edges + false, len(truth), np.array([0])).solved(truth, weights)
     without = System.of(edges, len(truth), np.array([0])).solved(truth)
     assert np.allclose(found, without, atol=1e-6) == (weight == 0.0)
+
+
+def test_what_stays_in_the_plane_has_three_degrees_of_freedom():
+    flat = se3.from_yaw(np.linspace(-3, 3, 5), np.array([[x, 2.0, 0.0] for x in range(5)]))
+    assert degrees_of_freedom(flat, flat[:0]) == 3
+    assert degrees_of_freedom(flat, flat @ se3.exp(np.array([0, 0.01, 0, 0, 0, 0]))) == 6
+    assert degrees_of_freedom(flat @ se3.exp(np.array([0, 0, 0, 0, 0, 0.01]))) == 6

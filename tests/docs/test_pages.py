@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,13 @@ def _check(words: list[str], command: Any, line: str) -> None:
     known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
     options = [word.partition("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)]
     assert set(options) <= known | {"--help"}, line
+
+
+def test_every_package_has_its_place_in_the_house() -> None:
+    house = text_of(REPOSITORY / "docs" / "house.md")
+    packages = tomllib.loads(text_of(REPOSITORY / "pyproject.toml"))["tool"]["setuptools"]["packages"]
+    folders = {name.split(".")[min(2, name.count("."))] for name in packages} - {"wiclosure"}
+    assert {folder for folder in folders if f"{folder}/" not in house} == set()
 
 
 def test_the_readme_is_short() -> None:

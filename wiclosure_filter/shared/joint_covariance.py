@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.shared.independent_errors import IndependentErrors
+from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet, IndependentErrors
 from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # Robots whose rows are kept: those that meet one robot also meet the next, where robots are numbered as they lie.
@@ -38,15 +38,15 @@ class JointCovariance:
     _kept: OrderedDict[int, Rows] = field(default_factory=OrderedDict, repr=False)
 
     def widened(
-        self, pulls: Mapping[tuple[int, int], Mapping[int, FloatArray]], near: Mapping[int, set[tuple[int, int]]]
+        self, sets: Mapping[tuple[int, int], ErrorSet], near: Mapping[int, set[tuple[int, int]]]
     ) -> JointCovariance:
-        """With what independent errors of one standard deviation add.
+        """With what constant errors add.
 
         Args:
-            pulls: by two robots, how the errors of their links pull `(6, p)` at poses, in these poses' own axes.
+            sets: by two robots, the errors of their links and odometry.
             near: by robot, whose errors count for it; between two robots count those that count for both.
         """
-        errors = IndependentErrors.of(self.root, pulls, near)
+        errors = IndependentErrors.of(sets, near)
         return replace(self, errors=errors, _kept=OrderedDict())
 
     def of_pairs(self, a: int, n: IntArray, b: int, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -67,7 +67,7 @@ class JointCovariance:
 
     def _rows(self, robot: int, poses: IntArray) -> Rows:
         values, places = self.root.rows(poses)
-        effects, names = self.errors.at(robot, values, places)
+        effects, names = self.errors.at(robot, poses - self.first[robot], values, places)
         turn = np.zeros((len(poses), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
         return Rows(turn @ values, places, turn @ effects, names)

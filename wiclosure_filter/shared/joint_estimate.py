@@ -25,7 +25,7 @@ from wiclosure.types import FloatArray, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import pulls
+from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, error_sets
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
@@ -187,7 +187,7 @@ def estimate(
     *,
     robust_threshold: float,
     drift_weight: float,
-    of_errors: Mapping[tuple[str, str], FloatArray] | None = None,
+    of_errors: Mapping[tuple[str, str], PriorErrors] | None = None,
 ) -> JointEstimate:
     """Optimises all nodes of one component.
 
@@ -197,7 +197,7 @@ def estimate(
         prior: on how the other robots' frames lie in it.
         robust_threshold: of the kernel on ranges and bearings, in standard deviations.
         drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
-        of_errors: `(7, 7)` covariance of the systematic errors of each pair's links, see `alignment.calibration`.
+        of_errors: what is known of the constant errors of each pair's links and odometry.
     """
     nodes, first = team.nodes, team.first
     initial = gtsam.Values()
@@ -225,10 +225,12 @@ def estimate(
         if scale < GROWN * before:
             break
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(values.size())])
+    sets, shift = error_sets(team, of_errors or {}, values, root, robust_threshold)
+    T_world_node = T_world_node @ se3.exp(shift)
     ends = np.array([*first.values(), values.size()])
     covariance = JointCovariance(root, ends, T_world_node[:, :3, :3])
-    if of_errors:
-        covariance = _widened(covariance, team, of_errors, values, robust_threshold)
+    if sets:
+        covariance = covariance.widened(sets, _near(team))
     return JointEstimate(scaled, first, T_world_node, covariance, prior.dimensions)
 
 
@@ -246,29 +248,17 @@ def _solved(
     return values, SquareRoot.of(graph.linearize(values))
 
 
-def _widened(
-    covariance: JointCovariance,
-    team: TeamNodes,
-    of_errors: Mapping[tuple[str, str], FloatArray],
-    values: gtsam.Values,
-    robust_threshold: float,
-) -> JointCovariance:
-    """With what systematic errors leave open, of links not far from each robot."""
+def _near(team: TeamNodes) -> dict[int, set[tuple[int, int]]]:
+    """By robot, the pairs of robots not far from it, whose constant errors count for it."""
     import networkx as nx
 
-    number, first, found = {robot: n for n, robot in enumerate(team.nodes)}, team.first, {}
-    for (a, b), known in of_errors.items():
-        keys = (first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1])
-        found[number[a], number[b]] = pulls(
-            team.links[a, b], known, keys, team.nodes[b].trajectory, values, robust_threshold
-        )
+    number = {robot: n for n, robot in enumerate(team.nodes)}
     heard = nx.Graph((number[a], number[b]) for a, b in team.links)
     near = {
-        robot: set(heard.subgraph(nx.single_source_shortest_path_length(heard, robot, cutoff=FAR_HOPS)).edges)
+        robot: heard.subgraph(nx.single_source_shortest_path_length(heard, robot, cutoff=FAR_HOPS)).edges
         for robot in number.values()
     }
-    near = {robot: {(min(pair), max(pair)) for pair in pairs} for robot, pairs in near.items()}
-    return covariance.widened(found, near)
+    return {robot: {(min(pair), max(pair)) for pair in pairs} for robot, pairs in near.items()}
 
 
 def _turned(R: FloatArray) -> FloatArray:

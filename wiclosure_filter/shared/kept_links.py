@@ -46,12 +46,16 @@ class KeptLinks:
         direction[~chosen.any(axis=1)] = np.nan
         return cls(links, direction, covariance)
 
+    def subset(self, rows: IntArray) -> KeptLinks:
+        """The links at `rows`."""
+        return KeptLinks(self.links.subset(rows), self.direction[rows], self.direction_covariance[rows])
+
     def thinned(self, most: int) -> KeptLinks:
         """At most so many links, evenly over the time."""
         if len(self) <= most:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
-        return KeptLinks(self.links.subset(rows), self.direction[rows], self.direction_covariance[rows])
+        return self.subset(rows)
 
     def for_graph(self, T_a_b: FloatArray, level: FloatArray, trajectories: Mapping[str, Trajectory]) -> RadioLinks:
         """The same between keyframes.

@@ -14,7 +14,7 @@ from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import errors_of, without_errors
+from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, errors_of, without_errors
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
@@ -111,8 +111,8 @@ def _calibrated(alignment: FrameAlignment, links: Links, trajectories: Mapping[s
     """The links that an alignment keeps, without the systematic errors that it found."""
     assert alignment.best is not None  # it is certain
     kept = KeptLinks.of(alignment.best, links)
-    errors, _ = errors_of(alignment)
-    return without_errors(kept, errors, trajectories[alignment.robot_b]) if errors.any() else kept
+    errors = errors_of(alignment)
+    return kept if errors is None else without_errors(kept, errors.value, trajectories[alignment.robot_b])
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,8 @@ def _joint(
             own = {pair: links for pair, links in kept.items() if pair[0] in frames}
             frames = settled(frames, [alignments[pair] for pair in own], settings.robust_threshold)
             try:
-                errors = {pair: errors_of(alignments[pair])[1] for pair in own}
+                of_each = {pair: errors_of(alignments[pair]) for pair in own}
+                errors = {pair: one for pair, one in of_each.items() if one is not None}
                 joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, errors, prior, settings)
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
@@ -188,7 +189,7 @@ def _component(
     trajectories: Mapping[str, Trajectory],
     frames: Mapping[str, FloatArray],
     kept: Mapping[tuple[str, str], KeptLinks],
-    of_errors: Mapping[tuple[str, str], FloatArray],
+    of_errors: Mapping[tuple[str, str], PriorErrors],
     prior: FramePrior,
     settings: SharedTrajectorySettings,
 ) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
@@ -200,7 +201,7 @@ def _component(
         prior,
         robust_threshold=settings.robust_threshold,
         drift_weight=settings.drift_weight,
-        of_errors={pair: covariance for pair, covariance in of_errors.items() if covariance.any()},
+        of_errors=of_errors,
     )
     return joint, {pair: joint.misfit(links, *team.ends[pair]) for pair, links in kept.items()}
 

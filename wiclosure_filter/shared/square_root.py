@@ -90,6 +90,15 @@ class SquareRoot:
             left[np.searchsorted(places, self.separator[first:end])] += followed.reshape(end - first, *pulls.shape[1:])
         return np.swapaxes(self.remainder[places], 1, 2) @ left, places
 
+    def following(self, left: FloatArray) -> FloatArray:
+        """`R^-1 y` by pose `(K, 6)`, for `y (K, 6)` by place: how all poses follow what `solved` gives of a pull."""
+        found = np.zeros_like(left)
+        for place in range(len(left)):  # ancestors first
+            first, end = self.start[place], self.start[place + 1]
+            separator = found[self.separator[first:end]].reshape(-1)
+            found[place] = self.remainder[place] @ left[place] + self.response[:, 6 * first : 6 * end] @ separator
+        return found[self.place]
+
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
 

@@ -99,6 +99,8 @@ def open_table(
     delimiter = delimiter or _delimiter([line for _, line in content])
     lines = [(number, _cells(line, delimiter)) for number, line in content]
     start = _start([cells for _, cells in lines])
+    if not _measures([cells for _, cells in lines[start:]]):
+        raise InputError(f"{path} is text without rows of numbers; expected a table of measurements, one a line")
     before = [line for number, line in head if number < lines[start][0]]
     if start:
         logger.warning(
@@ -153,6 +155,12 @@ def _start(lines: Sequence[Sequence[str]]) -> int:
         return 0
     open_end = all(not cells[-1] for cells in lines if len(cells) == width)
     return next(n for n, cells in enumerate(lines) if len(cells) == width or (open_end and len(cells) == width - 1))
+
+
+def _measures(lines: Sequence[Sequence[str]]) -> bool:
+    """Whether at least every other row below the first, if there are any, has a cell that begins as a number does."""
+    rows = lines[1:]
+    return 2 * sum(any(cell.lstrip("+-.'\"")[:1].isdigit() for cell in cells) for cells in rows) >= len(rows)
 
 
 def _names_columns(first: Sequence[str], body: Sequence[Sequence[str]]) -> bool:

@@ -25,7 +25,7 @@ def page() -> str:
 def test_the_sources_of_the_page_are_valid(page: str) -> None:
     found = [text for language, name, text in BLOCK.findall(page) if language == "yaml" and not name]
     sources = [entry for text in found for entry in yaml.safe_load(text)["wireless"]]
-    assert len([RadioSource.model_validate(entry) for entry in sources]) == 4
+    assert len([RadioSource.model_validate(entry) for entry in sources]) == 5
 
 
 def test_every_preset_is_in_the_table(page: str) -> None:

@@ -8,27 +8,25 @@ import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
 from types import ModuleType
 
 import pytest
 
 from wiclosure.errors import ProcessError
-from wiclosure.pipeline.runtime.processes import interrupts_ignored, require_wanted, side_by_side
+from wiclosure.pipeline.runtime.processes import Processes, interrupts_ignored
+from wiclosure.workers import require_wanted
 
 # A module of its own: fresh processes import what they work with by name.
 LABOUR = """
 import os, signal, time
 from pathlib import Path
 
-from wiclosure.pipeline.runtime.processes import require_wanted
+from wiclosure.workers import require_wanted, tell
 
-given = {}
-
-def begin(factor):
-    given["factor"] = factor
-
-def multiply(item):
-    return item * given["factor"], os.getpid()
+def double(item):
+    tell("half", item)
+    return 2 * item, os.getpid()
 
 def die(item):
     os.kill(os.getpid(), signal.SIGKILL)
@@ -54,29 +52,35 @@ def labour(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
         yield importlib.import_module("labour")
 
 
-def test_results_come_in_the_order_of_the_items_from_processes_that_were_given_something(labour: ModuleType) -> None:
-    with side_by_side(labour.multiply, range(6), 2, begin=labour.begin, given=(10,)) as futures:
-        found = [future.result() for future in futures]
-    assert [value for value, _ in found] == [0, 10, 20, 30, 40, 50]
-    assert os.getpid() not in {process for _, process in found}
+def test_results_come_with_their_numbers_from_other_processes(labour: ModuleType) -> None:
+    heard: list[tuple[object, ...]] = []
+    found = dict(Processes(2).each(labour.double, range(6), told=lambda *news: heard.append(news)))
+    assert [found[number][0] for number in range(6)] == [0, 2, 4, 6, 8, 10]
+    assert os.getpid() not in {process for _, process in found.values()}
+    assert sorted(heard) == [("half", item) for item in range(6)]
 
 
 def test_a_process_that_is_killed_is_one_sentence(labour: ModuleType) -> None:
-    with (
-        pytest.raises(ProcessError, match=r"killed; where memory is short, work with fewer at a time \(-j\)"),
-        side_by_side(labour.die, range(2), 2, begin=labour.begin, given=(1,)) as futures,
-    ):
-        futures[0].result()
+    with pytest.raises(ProcessError, match=r"killed; where memory is short, work with fewer at a time \(-j\)"):
+        dict(Processes(2).each(labour.die, range(2)))
 
 
 def test_endless_work_ends_when_nobody_waits_for_it(labour: ModuleType, tmp_path: Path) -> None:
-    with (
-        pytest.raises(RuntimeError, match="enough"),
-        side_by_side(labour.go_on, [tmp_path], 1, begin=labour.begin, given=(1,)),
-    ):
+    def enough(signum: int, frame: object) -> None:
+        raise RuntimeError("enough")
+
+    def when_begun() -> None:
         while not (tmp_path / "begun").exists():
             time.sleep(0.01)
-        raise RuntimeError("enough")
+        signal.raise_signal(signal.SIGUSR1)
+
+    before = signal.signal(signal.SIGUSR1, enough)
+    try:
+        Thread(target=when_begun, daemon=True).start()
+        with pytest.raises(RuntimeError, match="enough"):
+            dict(Processes(1).each(labour.go_on, [tmp_path]))
+    finally:
+        signal.signal(signal.SIGUSR1, before)
     assert (tmp_path / "ended").exists()
 
 

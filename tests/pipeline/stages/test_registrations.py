@@ -5,6 +5,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.frontends.config import RegistrationSettings
+from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.registrations import Clouds, KnownRegistrations, Registered, RegistrationPool, Start
 from wiclosure.types import (
@@ -47,7 +48,7 @@ def clouds() -> Clouds:
 def test_processes_register_as_one_does(clouds: Clouds) -> None:
     proposed = [proposal(a, b, PREDICTED if a % 2 else None) for a in range(6) for b in range(6)]
     alone, _ = RegistrationPool(SETTINGS, clouds).register(proposed, NoProgress())
-    together, _ = RegistrationPool(SETTINGS, clouds, jobs=2).register(proposed, NoProgress())
+    together, _ = RegistrationPool(SETTINGS, clouds, workers=Processes(2)).register(proposed, NoProgress())
     assert survivors(alone, Stage.REGISTRATION)
     for closure, one, other in zip(proposed, alone, together, strict=True):
         assert (closure.query, closure.match) == (one.query, one.match)

@@ -8,6 +8,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
@@ -92,7 +93,11 @@ def test_systematic_errors_add_what_they_pull() -> None:
     rng = np.random.default_rng(1)
     pulls = {(0, 1): {2: rng.normal(size=(6, 2)), 11: rng.normal(size=(6, 2))}, (1, 2): {17: rng.normal(size=(6, 2))}}
     plain = JointCovariance(SquareRoot.of(graph), FIRST, axes())
-    wide = plain.widened(pulls, {0: {(0, 1), (1, 2)}, 1: {(0, 1), (1, 2)}, 2: set()})
+    sets = {}
+    for pair, of_poses in pulls.items():
+        solved, places = plain.root.solved(np.array(list(of_poses)), np.array(list(of_poses.values())))
+        sets[pair] = ErrorSet.of(places, solved, {}, np.eye(solved.shape[2]))
+    wide = plain.widened(sets, {0: {(0, 1), (1, 2)}, 1: {(0, 1), (1, 2)}, 2: set()})
     turn, C = both(axes()), inverse(graph)
     P = np.zeros((FIRST[-1], 6, 4))
     P[2, :, :2], P[11, :, :2], P[17, :, 2:] = pulls[0, 1][2], pulls[0, 1][11], pulls[1, 2][17]
@@ -101,6 +106,27 @@ def test_systematic_errors_add_what_they_pull() -> None:
     np.testing.assert_allclose(table(wide, 0, 1)[3, 4], displacement(whole, 3, 13), rtol=1e-8)
     np.testing.assert_allclose(wide.of_robot(0).own[4], whole[4, :, 4], rtol=1e-8)
     np.testing.assert_array_equal(table(wide, 0, 2), table(plain, 0, 2))
+
+
+def test_poses_follow_a_pull_by_their_covariance() -> None:
+    graph = graph_of(LINKS[1])
+    root, pull = SquareRoot.of(graph), np.random.default_rng(2).normal(size=(2, 6, 1))
+    solved, places = root.solved(np.array([4, 15]), pull)
+    left = np.zeros((FIRST[-1], 6))
+    left[places] = solved[:, :, 0]
+    expected = np.einsum("nimj,mj->ni", inverse(graph)[:, :, [4, 15]], pull[:, :, 0])
+    np.testing.assert_allclose(root.following(left), expected, rtol=1e-8, atol=1e-12)
+
+
+def test_a_direct_effect_moves_its_robot_alone() -> None:
+    plain = JointCovariance(SquareRoot.of(graph_of(LINKS[0])), FIRST, axes())
+    moved = np.zeros((CHAINS[0], 6, 1))
+    moved[:, 3, 0] = np.arange(CHAINS[0])
+    one = ErrorSet.of(np.zeros(0, np.int64), np.zeros((0, 6, 1)), {0: moved}, 4.0 * np.eye(1))
+    wide = plain.widened({(0, 1): one}, {0: {(0, 1)}, 1: {(0, 1)}})
+    added = wide.of_robot(0).own - plain.of_robot(0).own
+    np.testing.assert_allclose(np.trace(added, axis1=1, axis2=2), 4.0 * np.arange(CHAINS[0]) ** 2, atol=1e-9)
+    np.testing.assert_allclose(wide.of_robot(1).own, plain.of_robot(1).own)
 
 
 def test_undetermined_poses_are_an_error() -> None:

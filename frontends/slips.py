@@ -1,0 +1,127 @@
+"""Steps of an odometry that no robot made: it lost its hold and found another one, and says nothing of it.
+
+From scan to scan a robot goes on nearly as before: masses are inert.  A step that departs from the one before by far
+more than its neighbours do, and by an acceleration that no such robot reaches, is taken for a slip; where a gyroscope
+is there, so is one that turns otherwise than it felt.  The step stays as it is, but counts as unknown by as much as it
+departs: loops may then mend the map there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.frontends.inertial.turning import TurningRates
+from wiclosure.types import FloatArray, IntArray, Trajectory
+
+UNLIKE = 8.0  # times the median departure of the robot's own moving steps
+INERT_MPS2 = 5.0  # half of gravity: tyres and legs hold no more for long
+TURN_RPS2 = 20.0  # rad/s^2, of turning; a head that is shaken reaches it
+MOVING = 0.2  # of the fastest tenth's speed, from which a step counts as moving
+LEAST_TURN_RAD = np.radians(3.0)  # that odometry and gyroscope must differ by in a step
+STEP_FLOOR = np.diag(np.repeat([0.0001**2, 0.001**2], 3))  # a step on the spot, of which the drift model says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Slips:
+    """S steps of an odometry that are not to be trusted.
+
+    Args:
+        index: `(S,)` the pose that the step leads to.
+        stamps_ns: `(S,)` of that pose.
+        departure_m: `(S,)` how far the step departs from the motion before.
+        departure_rad: `(S,)` likewise.
+    """
+
+    index: IntArray
+    stamps_ns: IntArray
+    departure_m: FloatArray
+    departure_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __add__(self, more: Slips) -> Slips:
+        """Both, each step once."""
+        new = ~np.isin(more.index, self.index)
+        pairs = zip((self.index, self.stamps_ns, self.departure_m, self.departure_rad),
+                    (more.index, more.stamps_ns, more.departure_m, more.departure_rad), strict=True)  # fmt: skip
+        index, stamps_ns, departure_m, departure_rad = (np.concatenate([own, other[new]]) for own, other in pairs)
+        order = np.argsort(index, kind="stable")
+        return Slips(index[order], stamps_ns[order], departure_m[order], departure_rad[order])
+
+    @classmethod
+    def none(cls) -> Slips:
+        """Of an odometry that holds."""
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+
+    def sentence(self, start_ns: int) -> str:
+        """For the user: when, and by how much; empty without slips."""
+        if not len(self):
+            return ""
+        worst = int(np.argmax(self.departure_m))
+        seconds = [(int(ns) - start_ns) * 1e-9 for ns in self.stamps_ns]
+        times = ", ".join(f"{at:.1f}" for at in seconds[:8]) + (" ..." if len(self) > 8 else "")
+        return (
+            f"odometry slips {len(self)} times, at {times} s after its start, at {seconds[worst]:.1f} s by"
+            f" {self.departure_m[worst]:.1f} m and {np.degrees(self.departure_rad[worst]):.0f} degrees; these steps"
+            " count as unknown by so much, and loops may mend them"
+        )
+
+
+def find_slips(odometry: Trajectory) -> Slips:
+    """Steps that depart from the motion before by what no inertia allows.
+
+    Args:
+        odometry: `T_odom_body` of all scans.
+    """
+    seconds = np.diff(odometry.stamps_ns) * 1e-9
+    if len(seconds) < 3:
+        return Slips.none()
+    steps = se3.log(se3.between(odometry.poses[:-1], odometry.poses[1:]))
+    expected = se3.exp(steps[:-1] * (seconds[1:] / seconds[:-1])[:, None])
+    off = se3.log(se3.between(expected, se3.exp(steps[1:])))
+    departure_rad, departure_m = (np.linalg.norm(part, axis=1) for part in (off[:, :3], off[:, 3:]))
+    apart_s2 = seconds[1:] * 0.5 * (seconds[1:] + seconds[:-1])
+    speed = np.linalg.norm(steps[1:, 3:], axis=1) / seconds[1:]
+    moving = speed >= MOVING * np.quantile(speed, 0.9)
+    slipped = np.zeros(len(off), bool)
+    for departure, most in ((departure_m, INERT_MPS2), (departure_rad, TURN_RPS2)):
+        acceleration = departure / apart_s2
+        usual = float(np.median(acceleration[moving])) if moving.any() else 0.0
+        slipped |= acceleration > max(most, UNLIKE * usual)
+    index = np.flatnonzero(slipped) + 2
+    return Slips(index, odometry.stamps_ns[index], departure_m[slipped], departure_rad[slipped])
+
+
+def turned_otherwise(odometry: Trajectory, rates: TurningRates, R_body_imu: FloatArray) -> Slips:
+    """Steps that turn otherwise than a gyroscope felt, by far more than most do.
+
+    Args:
+        odometry: `T_odom_body` of all scans.
+        rates: of it and of the gyroscope.
+        R_body_imu: `(3, 3)` mounting.
+    """
+    off = (rates.odometry - rates.imu @ R_body_imu.T) * rates.seconds[:, None]
+    off -= np.median(off, axis=0)  # the gyroscope's bias
+    departure_rad = np.linalg.norm(off, axis=1)
+    usual = float(np.median(departure_rad)) if len(departure_rad) else 0.0
+    slipped = departure_rad > max(LEAST_TURN_RAD, UNLIKE * usual)
+    index = rates.step[slipped] + 1
+    moved = np.linalg.norm(odometry.positions[index] - odometry.positions[index - 1], axis=1)
+    return Slips(index, odometry.stamps_ns[index], moved, departure_rad[slipped])
+
+
+def opened(odometry: Trajectory, slips: Slips) -> Trajectory:
+    """The odometry with covariances of its steps by the drift model, and wider where it slipped."""
+    if not len(slips):
+        return odometry
+    first = np.arange(len(odometry) - 1)
+    covariances = odometry.relative_covariance(first, first + 1) + STEP_FLOOR
+    wider = np.concatenate(
+        [np.repeat(slips.departure_rad[:, None], 3, axis=1), np.repeat(slips.departure_m[:, None], 3, axis=1)], axis=1
+    )
+    covariances[slips.index - 1] += wider[:, :, None] ** 2 * np.eye(6)
+    return replace(odometry, step_covariances=covariances)

@@ -1,0 +1,292 @@
+"""Work on the workers of a dask cluster: `dask worker` processes in which this package is installed.
+
+What crosses the network are functions by name, their arguments, and small results; scans and clouds go by way of the
+stage cache, a folder that all machines share.  Nothing is scattered: what was scattered to a worker that dies is lost,
+while an argument is sent again with its task.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, TypeVar
+from uuid import uuid4
+
+from wiclosure.errors import ConfigError, ProcessError
+from wiclosure.pipeline.runtime.processes import interrupts_ignored
+from wiclosure.pipeline.runtime.worker_versions import VersionsOf, versions
+from wiclosure.workers import WorkCosts, at_work
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+LOCAL = "local:"
+_OF_WORKERS = "all"  # the scheduler's own topic
+_START_S = 60.0
+_LISTEN_S = 0.5
+_NEWS_S = 1.0  # every worker's news pass the scheduler
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """PEM files for a scheduler that speaks TLS: of the authority, of this client, and its key."""
+
+    ca: Path
+    certificate: Path
+    key: Path
+
+    @classmethod
+    def of_words(cls, words: str) -> TlsFiles:
+        """From `ca.pem,cert.pem,key.pem`.
+
+        Raises:
+            ConfigError: not three, or one is missing.
+        """
+        paths = [Path(word) for word in words.split(",")]
+        if len(paths) != 3:
+            raise ConfigError(f"--cluster-tls {words}: expected three files, ca.pem,cert.pem,key.pem")
+        for path in paths:
+            if not path.is_file():
+                raise ConfigError(f"--cluster-tls: {path} is not a file")
+        return cls(*paths)
+
+
+class Cluster:
+    """The workers of a scheduler, as `wiclosure.workers.Workers`.
+
+    Args:
+        client: connected to it.
+        address: how the user named it.
+    """
+
+    remote = True
+
+    def __init__(self, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+        self.costs = WorkCosts()
+
+    @property
+    def count(self) -> int:
+        """Threads of all workers that are there now."""
+        return max(1, int(sum(self._client.nthreads().values())))
+
+    def process_ids(self) -> dict[str, int]:
+        """Of each worker, on its machine."""
+        return dict(self._client.run(os.getpid))
+
+    def each(
+        self,
+        work: Callable[[_Item], _Result],
+        items: Sequence[_Item],
+        *,
+        named: Callable[[_Item], str] = str,
+        told: Callable[..., None] | None = None,
+    ) -> Generator[tuple[int, _Result], None, None]:
+        """See `wiclosure.workers.Workers`; a task whose worker dies is done by another one."""
+        topic, mailbox = f"wiclosure-{uuid4().hex}", SimpleQueue[Any]()
+        self._client.subscribe_topic(topic, lambda event: mailbox.put(event[1]))
+        self._client.subscribe_topic(_OF_WORKERS, lambda event: mailbox.put(["worker", event[1]]))
+        running: dict[Future, int] = {}
+        left = iter(enumerate(items))
+        try:
+            while True:
+                while len(running) < 3 * self.count and (following := next(left, None)) is not None:
+                    running[self._submitted(work, *following, topic, mailbox)] = following[0]
+                if not running:
+                    return
+                message = self._next(mailbox)
+                if isinstance(message, list | tuple):
+                    self._heard(message, {future.key for future in running}, told)
+                elif message is not None:
+                    number = running.pop(message)
+                    yield number, self._result(message, named(items[number]))
+        finally:
+            # Tasks look now and then whether they were cancelled, see `_task`.
+            if running and self._client.status == "running":
+                self._client.cancel(list(running), force=True)
+            if self._client.status == "running":
+                self._client.unsubscribe_topic(topic)
+                self._client.unsubscribe_topic(_OF_WORKERS)
+
+    def _submitted(
+        self, work: Callable[[_Item], _Result], number: int, item: _Item, topic: str, mailbox: SimpleQueue[Any]
+    ) -> Future:
+        packed = pickle.dumps((work, item), protocol=5)
+        self.costs.bytes_moved += len(packed)
+        # Of tasks that are waiting the earlier ones come first.
+        future = self._client.submit(_task, packed, topic, pure=False, priority=-number)
+        future.add_done_callback(mailbox.put)
+        return future
+
+    def _next(self, mailbox: SimpleQueue[Any]) -> Any:
+        """A future that is done, news from a worker, or None after a while.
+
+        Raises:
+            ProcessError: the scheduler is gone.
+        """
+        try:
+            return mailbox.get(timeout=_LISTEN_S)
+        except Empty:
+            if self._client.status != "running":
+                raise self._lost() from None
+            return None
+
+    def _heard(self, message: Sequence[Any], running: set[str], told: Callable[..., None] | None) -> None:
+        kind, *content = message
+        if kind == "begun":
+            self.costs.workers.update(content)
+        elif kind == "worker" and content[0].get("action") == "remove-worker":
+            self.costs.retries += len(running.intersection(content[0].get("processing-tasks", ())))
+        elif kind == "news" and told is not None:
+            told(*content)
+
+    def _result(self, future: Future, name: str) -> Any:
+        from distributed import KilledWorker
+
+        if future.status in {"cancelled", "lost"}:
+            raise self._lost()
+        try:
+            packed = future.result()
+        except KilledWorker as error:
+            raise ProcessError(
+                f"{name} killed {error.allowed_failures + 1} workers, one after the other; is there"
+                " enough memory for it? (dask worker --memory-limit)"
+            ) from None
+        finally:
+            future.release()
+        self.costs.bytes_moved += len(packed)
+        return pickle.loads(packed)
+
+    def _lost(self) -> ProcessError:
+        return ProcessError(
+            f"the scheduler at {self._address} is gone; finished stages are kept: start it, and run the same again"
+        )
+
+
+def _task(packed: bytes, topic: str) -> bytes:
+    """What a worker does."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    key = worker.get_current_task()
+    worker.log_event(topic, ["begun", worker.address])
+
+    def wanted() -> bool:
+        known = worker.state.tasks.get(key)
+        return known is not None and known.state != "cancelled"
+
+    work, item = pickle.loads(packed)
+    news = _News(lambda *content: worker.log_event(topic, ["news", *content]))
+    with at_work(told=news.tell, wanted=wanted):
+        result = work(item)
+    news.tell_last()
+    return pickle.dumps(result, protocol=5)
+
+
+class _News:
+    """Tells some of the news, and the last in any case."""
+
+    def __init__(self, told: Callable[..., None]) -> None:
+        self._told, self._last_s = told, time.monotonic()
+        self._waiting: tuple[object, ...] | None = None
+
+    def tell(self, *content: object) -> None:
+        self._waiting = content
+        if time.monotonic() - self._last_s > _NEWS_S:
+            self.tell_last()
+
+    def tell_last(self) -> None:
+        if self._waiting is not None:
+            self._told(*self._waiting)
+            self._waiting, self._last_s = None, time.monotonic()
+
+
+@contextmanager
+def cluster(address: str, tls: TlsFiles | None = None) -> Iterator[Cluster]:
+    """Connects to a scheduler, or starts workers here, and checks that they run the same code.
+
+    Args:
+        address: `tcp://HOST:PORT`, `tls://HOST:PORT`, or `local:N`.
+        tls: files for TLS.
+
+    Raises:
+        ConfigError: dask is not installed, nobody answers, there are no workers, or their code or libraries differ.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise ConfigError("--cluster needs dask.distributed: pip install 'wiclosure[cluster]'") from None
+    with ExitStack() as open_until_then:
+        if address.startswith(LOCAL):
+            client = open_until_then.enter_context(_local(address))
+        else:
+            client = _connected(address, tls)
+            open_until_then.callback(client.close)
+        try:
+            client.wait_for_workers(1, timeout=_START_S)
+        except (TimeoutError, distributed.TimeoutError):
+            raise ConfigError(f"the scheduler at {address} has no workers; start some: dask worker {address}") from None
+        _require_alike(client.run(versions, on_error="return"))
+        yield Cluster(client, address)
+
+
+@contextmanager
+def _local(address: str) -> Iterator[Client]:
+    from distributed import Client, LocalCluster
+
+    count = address.removeprefix(LOCAL)
+    if not count.isdigit() or int(count) == 0:
+        raise ConfigError(f"--cluster {address}: expected local:N with the number of workers, for example local:4")
+    with interrupts_ignored():
+        started = LocalCluster(
+            n_workers=int(count), threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+        )
+        client = Client(started)
+    try:
+        yield client
+    finally:
+        with interrupts_ignored():
+            client.close()
+            started.close()
+
+
+def _connected(address: str, tls: TlsFiles | None) -> Client:
+    from distributed import Client, Security
+
+    security = None
+    if tls is not None:
+        security = Security(
+            tls_ca_file=str(tls.ca),
+            tls_client_cert=str(tls.certificate),
+            tls_client_key=str(tls.key),
+            require_encryption=True,
+        )
+    try:
+        return Client(address, security=security, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ConfigError(f"no scheduler answers at {address} ({reason}); see --cluster and --cluster-tls") from None
+
+
+def _require_alike(found: Mapping[str, VersionsOf | Exception]) -> None:
+    """Fails where a worker has other code or libraries: its results could differ, or fail after hours."""
+    here = versions()
+    for worker, there in found.items():
+        if isinstance(there, Exception):
+            raise ConfigError(f"worker {worker} has no working wiclosure ({there}); install the same version there")
+        if different := [name for name in here if there.get(name) != here[name]]:
+            name = different[0]
+            raise ConfigError(
+                f"worker {worker} has {name} {there.get(name) or 'missing'}, this machine has {here[name] or 'none'};"
+                " install the same on both"
+            )
