@@ -74,9 +74,7 @@ def _widths(console: Console, table: Table, most: int) -> list[int] | None:
     if sum(wanted) <= left:
         return whole
     widths = list(least)
-    for done, n in enumerate(
-        sorted(range(len(wanted)), key=wanted.__getitem__)
-    ):  # short ones are not wrapped for long ones
+    for done, n in enumerate(sorted(range(len(wanted)), key=wanted.__getitem__)):  # short columns stay whole
         given = min(wanted[n], left // (len(wanted) - done))
         widths[n], left = widths[n] + given, left - given
     return widths
