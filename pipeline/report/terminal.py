@@ -57,7 +57,7 @@ class Fitted:
 
 
 def _widths(console: Console, table: Table, most: int) -> list[int] | None:
-    """Width of each column: its longest word at least, the rest shared evenly by those that need more; None: no room."""
+    """Width of each column: its longest word at least, the rest shared by those that need more; None: no room."""
     texts = [_texts(console, table, n) for n in range(len(table.columns))]
     least = [max((length for text in of for length in _word_lengths(text)), default=1) for of in texts]
     whole = [max((line.cell_len for text in of for line in text.split()), default=1) for of in texts]
