@@ -101,6 +101,7 @@ def follow_drift(
         system = _system(yaw, w, mixture, prior, odometry, errors, value)
         step, by_errors = system.solved()
         step = step.reshape(-1, 4)
+        chain = _chain(yaw, w, links, odometry, errors, system).moved(step, by_errors)
         shrink = max(np.abs(step[:, 0]).max() / _MAX_STEP_RAD, np.abs(step[:, 1:]).max() / _MAX_STEP_M, 1.0)
         yaw, w, value = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink, value + by_errors / shrink
     links = errors.corrected(value)
@@ -121,7 +122,7 @@ def follow_drift(
         covariance,
         estimated,
         links.subset(back),
-        _chain(yaw, w, links, odometry, errors, system),
+        chain,
     )
 
 

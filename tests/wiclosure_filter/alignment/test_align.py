@@ -155,7 +155,7 @@ def test_swapping_the_robots_inverts_the_transform(kind: str, seed: int) -> None
     assert ab.best is not None
     assert ba.best is not None
     b = scene.trajectories["b"].positions
-    np.testing.assert_allclose(se3.transform(se3.inverse(ba.best.T_a_b), b), se3.transform(ab.best.T_a_b, b), atol=0.3)
+    np.testing.assert_allclose(se3.transform(se3.inverse(ba.best.T_a_b), b), se3.transform(ab.best.T_a_b, b), atol=0.5)
     assert ab.ambiguous == ba.ambiguous or "nearly as likely" in ab.reason + ba.reason
 
 
