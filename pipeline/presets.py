@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.structured_text import parse_yaml, read_yaml
+from wiclosure.pipeline.runtime.paths import expanded, is_file
 from wiclosure.suggestions import did_you_mean
 
 EXTENDS = "extends"
@@ -68,7 +69,7 @@ class _File:
     @classmethod
     def find(cls, name: str, folder: Path | None) -> _File | None:
         """The file of that name in the folder, or else the preset."""
-        if folder is not None and (path := folder / Path(name).expanduser()).is_file():
+        if folder is not None and is_file(path := folder / expanded(name)):
             return cls(os.path.normpath(path), path, path.parent)
         preset = files("wiclosure.configs") / f"{name}.yaml"
         return cls(name, preset, None) if "/" not in name and preset.is_file() else None

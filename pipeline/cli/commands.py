@@ -23,6 +23,7 @@ from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
+from wiclosure.pipeline.runtime.log import printable
 from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 
 app = typer.Typer(
@@ -103,5 +104,5 @@ def main() -> None:
 
 
 def _fail(message: str) -> NoReturn:
-    typer.echo(f"wiclosure: error: {' '.join(message.split())}", err=True)
+    typer.echo(f"wiclosure: error: {printable(message)}", err=True)
     sys.exit(1)

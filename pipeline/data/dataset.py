@@ -18,6 +18,7 @@ from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.unused import unused_radio
+from wiclosure.pipeline.runtime.paths import exists, expanded, is_file
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import topic_names
 from wiclosure.pipeline.sources.open import open_source
@@ -27,7 +28,7 @@ from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasuremen
 
 logger = logging.getLogger(__name__)
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _RESERVED = frozenset({"team"})  # a key beside the robots' names in metrics.json
 _FILES_BESIDE = ("_odometry", "_ground_truth")  # a run folder holds NAME.tum and, of each robot, NAME_odometry.tum ...
 
@@ -52,14 +53,16 @@ class Dataset:
     def __post_init__(self) -> None:
         if not self.robots:
             raise InputError(f"{self.origin or 'the data set'} names no robots; give at least one")
+        where = f"{self.origin}: " if self.origin is not None else ""
         for robot in self.robots:
             if not _NAME.fullmatch(robot) or robot in _RESERVED:
                 raise InputError(
-                    f"robot name {robot!r} cannot be used; take letters, digits, '_', '-' and '.', and not 'team'"
+                    f"{where}robot name {robot[:120]!r} cannot be used; take letters, digits, '_', '-' and '.', and not"
+                    " 'team'"
                 )
             if taken := [robot + ending for ending in _FILES_BESIDE if robot + ending in self.robots]:
                 raise InputError(
-                    f"robot names {robot!r} and {taken[0]!r} cannot stand together, for both would have a file"
+                    f"{where}robot names {robot!r} and {taken[0]!r} cannot stand together, for both would have a file"
                     f" {taken[0]}.tum in the run's folder; rename one of them"
                 )
 
@@ -208,19 +211,19 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
 
 def _dataset_file(argument: str) -> Path | None:
     """The file, where the argument names one or its folder."""
-    path = Path(argument).expanduser()
+    path = expanded(argument)
     if path.suffix.lower() in {".yaml", ".yml"}:
         return path
-    return path / DATASET_FILE if (path / DATASET_FILE).is_file() else None
+    return path / DATASET_FILE if is_file(path / DATASET_FILE) else None
 
 
 def _named_recordings(args: Sequence[str]) -> dict[str, RobotRecording]:
     robots: dict[str, RobotRecording] = {}
     for argument in args:
         name, equals, value = argument.partition("=")
-        path = Path(value if equals else argument).expanduser()
+        path = expanded(value if equals else argument)
         robot = name if equals else path.resolve().name.split(".", maxsplit=1)[0]
-        if not path.exists():
+        if not exists(path):
             raise InputError(f"recording {path} of robot {robot} does not exist; check the path")
         if path.is_file() and path.suffix.lower() in {".yaml", ".yml"}:
             raise InputError(f"{path} stands beside other data; name one {DATASET_FILE}, or recordings only")

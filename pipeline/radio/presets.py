@@ -11,6 +11,7 @@ from typing import Any
 
 from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import parse_yaml, read_yaml
+from wiclosure.pipeline.runtime.paths import expanded, is_file
 from wiclosure.suggestions import did_you_mean
 
 
@@ -50,8 +51,8 @@ def preset_settings(name: str, folder: Path) -> Mapping[str, Any]:
     """
     if name in presets():
         return presets()[name].settings
-    file = folder / Path(name).expanduser()
-    if file.is_file():
+    file = folder / expanded(name)
+    if is_file(file):
         content = read_yaml(file)
         if isinstance(content, dict):
             return content

@@ -11,6 +11,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import read_yaml
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
+from wiclosure.pipeline.runtime.paths import exists, expanded, is_file
 from wiclosure.pipeline.runtime.settings_text import nested_words
 from wiclosure.suggestions import did_you_mean
 
@@ -44,9 +45,9 @@ def sources_of_entries(entries: object, folder: Path, where: str) -> tuple[Radio
 
 
 def _of_word(word: str) -> tuple[RadioSource, ...]:
-    whole = Path(word).expanduser()
-    if whole.exists() or "," not in word:
-        if whole.suffix.lower() in {".yaml", ".yml"} and whole.is_file():
+    whole = expanded(word)
+    if exists(whole) or "," not in word:
+        if whole.suffix.lower() in {".yaml", ".yml"} and is_file(whole):
             return sources_of_entries(read_yaml(whole), whole.parent, str(whole))
         return (_of_entry(word, Path(), f"--wireless {word}"),)
     path, *settings = word.split(",")
@@ -61,8 +62,8 @@ def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:
         raise InputError(f"{where}: a wireless source is {str(entry)[:60]!r}; expected a path, or keys with values")
     stated = {str(key): value for key, value in entry.items()}
     if isinstance(stated.get("path"), str):
-        path = folder / Path(stated["path"]).expanduser()
-        if not path.exists():
+        path = folder / expanded(stated["path"])
+        if not exists(path):
             raise InputError(
                 f"{where}: wireless log names {path}, which does not exist; paths are relative to where they are named"
             )

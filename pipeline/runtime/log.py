@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,11 +22,22 @@ class _JsonLines(logging.Formatter):
         )
 
 
+class _LogFile(logging.FileHandler):
+    """Raises what cannot be written, as a full disk, where it is logged: the run writes there as well."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        raise  # noqa: PLE0704  -- called while the error is handled
+
+    def close(self) -> None:
+        with suppress(OSError):  # what waits to be written to a full disk; whoever wrote it has been told
+            super().close()
+
+
 @contextmanager
 def json_log(path: Path) -> Iterator[None]:
     """Writes what the package logs inside the block to `path`."""
     logger = logging.getLogger("wiclosure")
-    handler = logging.FileHandler(path, encoding="utf-8")
+    handler = _LogFile(path, encoding="utf-8")
     handler.setFormatter(_JsonLines())
     level = logger.level
     logger.addHandler(handler)
@@ -39,13 +50,25 @@ def json_log(path: Path) -> Iterator[None]:
         handler.close()
 
 
+class _OneLine(logging.Formatter):
+    """Names in inputs may hold anything: line ends, and what terminals obey."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        return printable(super().formatMessage(record))
+
+
+def printable(text: str) -> str:
+    """The text in one line, what cannot be printed as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+
+
 @contextmanager
 def warnings_on_terminal() -> Iterator[None]:
     """Shows warnings of the package as one line each on standard error."""
     logger = logging.getLogger("wiclosure")
     handler = logging.StreamHandler()
     handler.setLevel(logging.WARNING)
-    handler.setFormatter(logging.Formatter("wiclosure: warning: %(message)s"))
+    handler.setFormatter(_OneLine("wiclosure: warning: %(message)s"))
     logger.addHandler(handler)
     try:
         yield

@@ -107,7 +107,12 @@ def read_trajectories(folder: Path) -> tuple[dict[str, Trajectory], dict[str, Tr
         InputError: a trajectory is missing or damaged.
     """
     metrics = read_metrics(folder)
-    robots = [robot for component in metrics["components"] for robot in component["robots"]]
+    try:
+        robots = [str(robot) for component in metrics["components"] for robot in component["robots"]]
+    except (TypeError, KeyError) as error:
+        raise InputError(f"{folder}/metrics.json does not name the robots of its components ({error})") from error
+    if outside := [robot for robot in robots if robot != Path(robot).name]:
+        raise InputError(f"{folder}/metrics.json names a robot {outside[0]!r}, which is no name of a file")
     merged = {robot: read_tum(folder / f"{robot}.tum", robot) for robot in robots}
     paths = {robot: folder / f"{robot}_ground_truth.tum" for robot in robots}
     return merged, {robot: read_tum(path, robot) for robot, path in paths.items() if path.exists()}

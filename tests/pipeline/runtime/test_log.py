@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.runtime.log import json_log, warnings_on_terminal
+from wiclosure.pipeline.runtime.log import json_log, printable, warnings_on_terminal
 
 OURS = logging.getLogger("wiclosure.backends.pcm")
 
@@ -41,3 +41,15 @@ def test_warnings_are_one_line_on_standard_error(capsys: pytest.CaptureFixture[s
         OURS.info("fine")
         OURS.warning("%s was repaired", "alpha.bag")
     assert capsys.readouterr() == ("", "wiclosure: warning: alpha.bag was repaired\n")
+
+
+def test_what_terminals_obey_is_escaped() -> None:
+    assert printable("robot a\nb \x1b[2J\u202e done") == "robot a b \\x1b[2J\\u202e done"
+
+
+def test_a_full_disk_under_the_log_is_an_error_and_no_traceback_on_the_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(OSError, match="No space left"), json_log(Path("/dev/full")):
+        logging.getLogger("wiclosure.test").info("a line")
+    assert capsys.readouterr().err == ""

@@ -12,6 +12,7 @@ from wiclosure.pipeline.runtime.output import (
     default_folder,
     point_latest,
     require_apart,
+    require_free,
     whole_file,
     whole_folder,
     write_json,
@@ -131,3 +132,52 @@ def test_json_is_readable_and_knows_no_infinity(tmp_path: Path) -> None:
     assert (tmp_path / "a.json").read_text(encoding="utf-8") == '{\n  "robot": "müller",\n  "ate_m": null\n}\n'
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "b.json", float("inf"))
+
+
+def test_a_result_that_holds_what_others_put_there_is_not_replaced(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with whole_folder(out) as scratch:
+        (scratch / "a").mkdir()
+        (scratch / "a" / "b.txt").write_text("x")
+    with whole_folder(out, overwrite=True) as scratch:
+        (scratch / "c.txt").write_text("x")
+    for foreign in ("notes.txt", "linked"):
+        if foreign == "linked":
+            (out / foreign).symlink_to(tmp_path)
+        else:
+            (out / foreign).write_text("mine")
+        with pytest.raises(OutputError, match=f"holds '{foreign}', which wiclosure did not write"):
+            require_free(out, overwrite=True)
+        (out / foreign).unlink()
+    (out / "nested").mkdir()
+    with whole_folder(out / "nested" / "other"):
+        pass
+    with pytest.raises(OutputError, match="which wiclosure did not write there"):
+        require_free(out, overwrite=True)
+
+
+def test_the_folder_that_one_is_in_and_home_are_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    with whole_folder(out):
+        pass
+    monkeypatch.setenv("HOME", str(out))
+    with pytest.raises(OutputError, match="where you are, or your home"):
+        require_free(out, overwrite=True)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (out / "inside").mkdir()
+    for place in (out, out / "inside"):
+        monkeypatch.chdir(place)
+        for name in (out, Path(), Path("..") / "out"):
+            if name.exists() and name.resolve() == out.resolve():
+                with pytest.raises(OutputError, match="where you are"):
+                    require_free(name, overwrite=True)
+
+
+def test_a_link_is_replaced_and_what_it_points_at_stays(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "real") as scratch:
+        (scratch / "a").write_text("x")
+    (tmp_path / "link").symlink_to("real")
+    with whole_folder(tmp_path / "link", overwrite=True) as scratch:
+        (scratch / "b").write_text("y")
+    assert (tmp_path / "real" / "a").read_text() == "x"
+    assert (tmp_path / "link" / "b").read_text() == "y"
