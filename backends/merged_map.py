@@ -10,7 +10,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from wiclosure.backends.config import MapSettings
 from wiclosure.colours import robot_rgb
 from wiclosure.errors import InputError
+from wiclosure.scratch import temporary_folder
 from wiclosure.types import Float32Array, FloatArray
 
 VOXELS_IN_MEMORY = 2_000_000  # some 130 MB
@@ -57,8 +57,8 @@ def merge_maps(clouds: Iterable[tuple[int, FloatArray, Float32Array]], settings:
     Raises:
         InputError: the map is too wide for its voxels.
     """
-    with TemporaryDirectory(prefix="wiclosure-map-") as folder:
-        tiles = _Tiles(settings.voxel_size_m, Path(folder))
+    with temporary_folder() as folder:
+        tiles = _Tiles(settings.voxel_size_m, folder)
         for robot, T_world_body, points in clouds:
             tiles.add(robot, T_world_body, points)
         return tiles.merged()

@@ -105,7 +105,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
     while True:
         places = places_of_groups(robots, group, settled)
         pairs = pairs_of_groups(robots, group)
-        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, places, settings)]
+        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = strongest(candidates, settings.ambiguous_share)

@@ -44,7 +44,7 @@ def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Set
 
 
 def sets_between(
-    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, places: Places, settings: MergeSettings
+    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, settings: MergeSettings
 ) -> list[CandidateSet]:
     """Sets between two groups, with what speaks against each within the pair."""
     claims, a, b = claims_between(robots, rows, group, settled)
@@ -52,8 +52,8 @@ def sets_between(
     consistent_sets = comparison.consistent_sets(settings.agree_limit)
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
-        candidate.coverage = _coverage(robots, candidate, group)
-        candidate.objection = _objection(robots, candidate, group, places, settings.min_size)
+        candidate.coverage = _coverage(robots, candidate, group, settled)
+        candidate.objection = _objection(robots, candidate, settings.min_size)
     _compare_sizes(found, settings.ambiguous_share)
     return found
 
@@ -77,23 +77,25 @@ def _views(robots: Robots, candidate: CandidateSet, span: float) -> float:
     return span / max(reach, 1e-9)
 
 
-def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray) -> float:
-    """Share of both paths between the first and the last of the closures' ends, the geometric mean of the two.
+def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled: Settled) -> float:
+    """Share of both paths that the closures' ends span, the geometric mean of the two: in space or along, the smaller.
 
-    Along the paths: one that winds about a field spans it anywhere.
+    A path that winds about a field spans it anywhere.  Paths of robots that no closure touches do not count.
     """
-    nodes = robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]
-    of_robot = np.concatenate([robots.robot[n] for n in nodes])
-    along_m = np.concatenate([robots.along_m[n] for n in nodes])
-    stretches = np.zeros(len(group))
-    for robot in np.unique(of_robot):
-        stretches[robot] = np.ptp(along_m[of_robot == robot])
-    length_a, length_b = (float(robots.length_m[group == g].sum()) for g in (candidate.a, candidate.b))
-    stretch = max(float(stretches[group == g].sum()) for g in (candidate.a, candidate.b))
-    return min(1.0, stretch / max(float(np.sqrt(length_a * length_b)), 1e-9))
+    nodes = np.concatenate([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]])
+    touched = np.unique(robots.robot[nodes])
+    stretches, lengths, extents = np.zeros(2), np.zeros(2), np.zeros(2)
+    for side, of_side in enumerate((candidate.a, candidate.b)):
+        members = touched[group[touched] == of_side]
+        lengths[side] = robots.length_m[members].sum()
+        stretches[side] = sum(np.ptp(robots.along_m[nodes[robots.robot[nodes] == robot]]) for robot in members)
+        positions = settled.poses[np.isin(robots.robot, members), :3, 3]
+        extents[side] = np.linalg.norm(np.ptp(positions, axis=0))
+    along = stretches.max() / max(float(np.sqrt(lengths.prod())), 1e-9)
+    return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))
 
 
-def _objection(robots: Robots, candidate: CandidateSet, group: IntArray, places: Places, min_size: int) -> str:
+def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:
     """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
     size, total = len(candidate), candidate.closure_set.total
     if size == 1:
@@ -102,11 +104,8 @@ def _objection(robots: Robots, candidate: CandidateSet, group: IntArray, places:
         return f"no more than {size} of the {total} closures agree, {min_size} must"
     if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
-    positions = (poses[:, :3, 3] for poses, _ in (places[candidate.a], places[candidate.b]))
-    extent_a, extent_b = (float(np.linalg.norm(np.ptp(of_group, axis=0))) for of_group in positions)
-    span = _span(candidate)
-    covered = min(span / max(float(np.sqrt(extent_a * extent_b)), 1e-9), candidate.coverage) >= LEAST_COVERAGE
-    if _views(robots, candidate, span) >= 1 or covered or robots.predicted[candidate.rows].any():
+    span, covered = _span(candidate), candidate.coverage >= LEAST_COVERAGE
+    if covered or _views(robots, candidate, span) >= 1 or robots.predicted[candidate.rows].any():
         return ""
     return (
         f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"

@@ -78,7 +78,7 @@ class WiClosureFilter:
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         kept = self.search(shared)
         pairs = tuple(
-            kept.get(pair) or self._unjoined(pair, trajectories, links, alignments.get(pair))
+            kept[pair] if pair in kept else self._unjoined(pair, trajectories, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
         )
         # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.

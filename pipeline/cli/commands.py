@@ -23,6 +23,7 @@ from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
+from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 
 app = typer.Typer(
     name="wiclosure",
@@ -94,6 +95,8 @@ def main() -> None:
         code = 0
     except OSError as error:
         _fail(f"{error.filename or 'a file'}: {error.strerror or error}")
+    if code == INTERRUPTED and MemoryLimit.sentence is not None:
+        _fail(MemoryLimit.sentence)
     if code == INTERRUPTED:
         typer.echo("interrupted: nothing is written; finished odometry is kept, unless with --no-cache", err=True)
     sys.exit(code)

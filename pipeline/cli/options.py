@@ -156,6 +156,15 @@ class RecordingOptions:
         return open_inputs(data, topic=self.topic, wireless=wireless, limit=self.n_scans, salvage=self.salvage)
 
 
+def _limit_memory(text: str | None) -> str | None:
+    """Begins to watch over memory where a limit is given."""
+    if text is not None:
+        from wiclosure.pipeline.runtime.memory_limit import MemoryLimit, bytes_of
+
+        MemoryLimit(bytes_of(text))
+    return text
+
+
 @dataclass(frozen=True, slots=True)
 class Working:
     """How the work is done and shown."""
@@ -183,6 +192,16 @@ class Working:
         str | None,
         typer.Option(
             "--cluster-tls", metavar="CA,CERT,KEY", help="PEM files for a tls:// scheduler", show_default=False
+        ),
+    ] = None
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            "--memory",
+            metavar="LIMIT",
+            callback=_limit_memory,
+            help="stop with a sentence when all processes together take more, as 8GB or 75%",
+            show_default=False,
         ),
     ] = None
     no_cache: Annotated[bool, typer.Option("--no-cache", help="compute every stage again, and keep no result")] = False

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import heapq
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +28,7 @@ from wiclosure.pipeline.sources.messages.ros_types import (
     typestore,
 )
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_heading, encode_measurement
+from wiclosure.scratch import unfinished_folder
 from wiclosure.types import FloatArray, Scan, WirelessLog
 
 Storage: TypeAlias = Literal["mcap", "sqlite3"]
@@ -176,7 +176,7 @@ def _aside(path: Path) -> Iterator[Path]:
         raise OutputError(f"{path} exists already; choose another place or remove it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".unfinished", dir=path.parent))
+        folder = unfinished_folder(path.parent)
     except OSError as error:
         raise OutputError(f"{path} cannot be written ({error.strerror}); choose another place") from error
     try:

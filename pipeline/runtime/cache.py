@@ -126,7 +126,8 @@ class StageCache:
         if entry is None:
             return
         try:
-            with whole_file(entry) as scratch:
+            entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with whole_file(entry, mode=0o600) as scratch:
                 save(value, scratch)
             self._trim()
         except (OutputError, OSError) as error:

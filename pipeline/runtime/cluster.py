@@ -8,6 +8,7 @@ while an argument is sent again with its task.
 from __future__ import annotations
 
 import logging
+import os
 import pickle
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -78,6 +79,10 @@ class Cluster:
     def count(self) -> int:
         """Threads of all workers that are there now."""
         return max(1, int(sum(self._client.nthreads().values())))
+
+    def process_ids(self) -> dict[str, int]:
+        """Of each worker, on its machine."""
+        return dict(self._client.run(os.getpid))
 
     def each(
         self,

@@ -11,10 +11,13 @@ from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
-from wiclosure.errors import OutputError
+from wiclosure.errors import InputError, OutputError
+from wiclosure.formats.structured_text import parse_json
+from wiclosure.scratch import REPLACED, unfinished_file, unfinished_folder
 
 MARK = ".wiclosure"
-"""A file in every folder that is written here; no other folder is ever replaced."""
+"""A file in every folder that is written here, which lists the others; no other folder is ever replaced."""
+_SENTENCE = "written by wiclosure; --overwrite may replace this folder as long as it holds nothing else than\n"
 
 
 def default_folder(results: Path = Path("results")) -> Path:
@@ -29,12 +32,20 @@ def require_free(out: Path, *, overwrite: bool) -> None:
         OutputError: `out` exists and `overwrite` is false, or it is nothing that this program wrote, or its parent
             cannot be written.
     """
+    here = Path.cwd().resolve()
     if out.exists() and not overwrite:
         raise OutputError(f"{out} exists already; choose another --out, or replace it with --overwrite")
     if out.exists() and not out.is_dir():
         raise OutputError(f"{out} is a file, not a folder; choose another --out")
     if out.exists() and not (out / MARK).exists() and any(out.iterdir()):
         raise OutputError(f"{out} was not written by wiclosure and is not replaced; choose another --out")
+    if out.exists() and out.resolve() in {here, *here.parents, Path.home().resolve()}:
+        raise OutputError(f"{out} is where you are, or your home, and is not replaced; choose another --out")
+    if out.exists() and (foreign := _foreign(out)):
+        raise OutputError(
+            f"{out} holds {foreign[0]!r}, which wiclosure did not write there, and is not replaced; move that away, or"
+            " choose another --out"
+        )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out.parent).close()
@@ -50,10 +61,13 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
         OutputError: see `require_free`; also when the disk fills up inside the block.
     """
     require_free(out, overwrite=overwrite)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".unfinished", dir=out.parent))
+    try:
+        scratch = unfinished_folder(out.parent)
+    except OSError as error:
+        raise OutputError(f"{out.parent} cannot be written ({_reason(error)}); choose another --out") from error
     try:
         yield scratch
-        (scratch / MARK).write_text("written by wiclosure; --overwrite may replace this folder\n")
+        (scratch / MARK).write_text(_SENTENCE + json.dumps(_content(scratch)) + "\n", encoding="utf-8")
         scratch.chmod(0o755)  # mkdtemp makes folders that nobody else can read
         require_free(out, overwrite=overwrite)  # again: another run may have been quicker
         _replace(out, scratch)
@@ -80,7 +94,7 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, *, mode: int = 0o644) -> Iterator[Path]:
     """Gives a scratch path beside `path` that becomes `path` when the block ends well.
 
     Raises:
@@ -88,13 +102,12 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", dir=path.parent, delete=False) as made:
-            scratch = Path(made.name)
+        scratch = unfinished_file(path.parent)
     except OSError as error:
         raise OutputError(f"{path} cannot be written ({_reason(error)})") from error
     try:
         yield scratch
-        scratch.chmod(0o644)
+        scratch.chmod(mode)
         scratch.replace(path)
     except OSError as error:
         raise OutputError(f"writing {path} failed ({_reason(error)}); nothing half-written is left") from error
@@ -117,13 +130,27 @@ def point_latest(out: Path) -> None:
         scratch.replace(link)
 
 
+def _content(folder: Path) -> list[str]:
+    """All files and links in a folder, as they are called in it."""
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+
+
+def _foreign(out: Path) -> list[str]:
+    """What lies in a result and was not written with it; nothing where the result does not say what was."""
+    try:
+        listed = parse_json((out / MARK).read_text(encoding="utf-8").removeprefix(_SENTENCE) or "null")
+    except (OSError, UnicodeDecodeError, InputError):
+        listed = None
+    return sorted({*_content(out)} - {MARK, *listed}) if isinstance(listed, list) else []
+
+
 def _replace(out: Path, scratch: Path) -> None:
     """Puts `scratch` where `out` is; the old folder is deleted only after the new one stands."""
     if not out.exists():
         scratch.rename(out)
         return
-    old = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".old", dir=out.parent))
-    out.rename(old / "folder")
+    old = unfinished_folder(out.parent, REPLACED)
+    out.rename(old / out.name)
     scratch.rename(out)
     shutil.rmtree(old)
 

@@ -7,13 +7,13 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path, PurePath
-from tempfile import TemporaryDirectory
 
 from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import read_yaml
 from wiclosure.formats.unpacking import unpack_file
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.salvage.found import MCAP_MAGIC, ROS1_MAGIC
+from wiclosure.scratch import temporary_folder
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ def plain_files(path: Path, stack: ExitStack) -> list[Path]:
     packed = [file for file in files if file.suffix == ".zstd"]
     if not packed:
         return files
-    folder = Path(stack.enter_context(TemporaryDirectory(prefix="wiclosure-bag-")))
+    folder = stack.enter_context(temporary_folder())
     for file in packed:
         unpack_file(file, folder / file.stem)
     return [folder / file.stem if file.suffix == ".zstd" else file for file in files]

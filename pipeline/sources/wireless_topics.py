@@ -83,6 +83,11 @@ def _decoded(bag: Bag, msgtype: str, decode: Callable[[object], _Record]) -> Ite
                     yield decode(message)
                 except InputError as error:
                     raise InputError(f"{bag.path}, topic {topic.name}, message {number}: {error}") from error
+                except AttributeError as error:
+                    raise InputError(
+                        f"{bag.path}, topic {topic.name}: the bag's own definition of {msgtype} is another ({error});"
+                        " is it damaged?"
+                    ) from error
 
 
 def _ranges(bag: Bag, topic: str, link: Link | None) -> Iterator[WirelessMeasurement]:

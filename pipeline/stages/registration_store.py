@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.front_end import FrontEndResult
@@ -66,7 +68,13 @@ def _save(known: KnownRegistrations, path: Path) -> None:
 
 
 def _load(path: Path) -> KnownRegistrations:
-    content = read_arrays(path)
+    try:
+        return _known(read_arrays(path))
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
+        raise InputError(f"{path} holds no registrations ({error})") from error
+
+
+def _known(content: Mapping[str, Any]) -> KnownRegistrations:
     known: KnownRegistrations = {}
     for row, (robots, indices) in enumerate(zip(content["robots"], content["indices"], strict=True)):
         query, match = (KeyframeId(str(r), int(i)) for r, i in zip(robots, indices, strict=True))

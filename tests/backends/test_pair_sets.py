@@ -48,8 +48,7 @@ def team(ends, *, robots=2, seed=0, shift=(), predicted=()):
 def sets(ends, **changes):
     robots, estimate, _ = team(ends, **changes)
     group = np.arange(2)
-    places = places_of_groups(robots, group, estimate)
-    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, places, SETTINGS)
+    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, SETTINGS)
 
 
 def spread(count, seed=0):
@@ -106,8 +105,7 @@ def test_a_single_closure_cannot_be_checked():
 
 def test_rows_are_those_of_all_closures():
     robots, estimate, _ = team([(0, 1, 0, 30), *spread(5)])
-    places = places_of_groups(robots, np.arange(2), estimate)
-    (found,) = sets_between(robots, np.arange(1, 6), np.arange(2), estimate, places, SETTINGS)
+    (found,) = sets_between(robots, np.arange(1, 6), np.arange(2), estimate, SETTINGS)
     assert found.rows.tolist() == [1, 2, 3, 4, 5]
 
 

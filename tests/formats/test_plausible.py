@@ -26,7 +26,7 @@ def test_few_impossible_positions_are_left_out_and_said(out: int, fine: bool, ca
         assert np.flatnonzero(~plausible_path("a.tum", STAMPS, path)).tolist() == list(range(30, 30 + out))
         assert f"a.tum: {out} of 100 positions lie beyond" in caplog.text
     else:
-        with pytest.raises(InputError, match=r"a\.tum: 6 of 100 positions lie beyond 1e\+07 m"):
+        with pytest.raises(InputError, match=r"a\.tum: 6 of 100 positions lie beyond 1e\+07, as"):
             plausible_path("a.tum", STAMPS, path)
 
 

@@ -8,9 +8,12 @@ import pytest
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.config import load_config
+from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.types import AoaPath, FilterResult, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
+from wiclosure.workers import ThisProcess, Workers
 
 RADIUS_M = 35.0
 
@@ -243,7 +246,7 @@ def test_tiny_trajectories(size: int) -> None:
 def test_most_links_bounds_the_estimate(
     odometry: dict[str, Trajectory], wireless: WirelessLog, truth: dict[str, Trajectory]
 ) -> None:
-    settings = FilterSettings(shared_trajectory=SharedTrajectorySettings(most_links=30))
+    settings = FilterSettings(shared_trajectory=SharedTrajectorySettings(most_links=30, least_links=10))
     result = WiClosureFilter(settings).candidates(odometry, wireless)
     (sentence,) = [s for s in result.diagnosis if "the joint estimate uses" in s]
     used = int(sentence.split("uses ")[1].split()[0])
@@ -261,3 +264,21 @@ def test_robots_side_by_side_with_identical_positions() -> None:
     )
     result = WiClosureFilter().candidates(team, WirelessLog(heard))
     assert 0 < result.pairs_kept <= result.pairs_total
+
+
+@pytest.mark.parametrize("workers", [ThisProcess(), Processes(2)], ids=["here", "processes"])
+def test_workers_align_and_search_as_one_process_does(
+    odometry: dict[str, Trajectory], wireless: WirelessLog, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = WiClosureFilter().candidates(odometry, wireless)
+    monkeypatch.setattr(side_by_side, "_WORTH_WORKERS", 1)
+    monkeypatch.setattr(side_by_side, "_AT_ONCE", 1)
+    found = WiClosureFilter(workers=workers).candidates(odometry, wireless)
+    assert [a.best.T_a_b.tobytes() for a in found.alignments if a.best] == [
+        a.best.T_a_b.tobytes() for a in alone.alignments if a.best
+    ]
+    assert alone.pairs_kept > 0
+    for one, other in zip(alone.pairs, found.pairs, strict=True):
+        assert (one.robot_a, one.robot_b) == (other.robot_a, other.robot_b)
+        for name in ("index_a", "index_b", "overlap_probability", "mahalanobis"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

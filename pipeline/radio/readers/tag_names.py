@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection
 
@@ -26,7 +27,8 @@ def canonical(tag: object) -> str:
         text = re.sub("[:-]", "", text)
     if _HEXADECIMAL.fullmatch(text):
         return str(int(text, 16))
-    return str(int(float(text))) if _WHOLE.fullmatch(text) else text.casefold()
+    whole = float(text) if _WHOLE.fullmatch(text) else math.inf
+    return str(int(whole)) if math.isfinite(whole) else text.casefold()
 
 
 def tag_text(tag: object) -> str:

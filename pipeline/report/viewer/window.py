@@ -26,11 +26,14 @@ class Window:
         page: serve a page instead of opening a window; None: where there is no screen.
 
     Raises:
-        ProcessError: the viewer does not start.
+        ProcessError: the viewer does not start, or there is no screen for its window.
     """
 
     def __init__(self, *, page: bool | None = None) -> None:
-        self._page = page if page is not None else not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        if page is False and not screen:
+            raise ProcessError("there is no screen for a window of the viewer; DISPLAY and WAYLAND_DISPLAY are not set")
+        self._page = page if page is not None else not screen
         self._settings = tempfile.TemporaryDirectory(prefix="wiclosure-viewer-")
         self._port, self._web_port = _free_port(), _free_port()
         self._process = self._start()

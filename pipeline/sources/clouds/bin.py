@@ -97,7 +97,7 @@ def _doubt_order(path: Path, records: np.ndarray) -> None:
 
     Coordinates have both signs where a sensor looks around, and reflectances have one; scenes are wider than high.
     """
-    seen = records[are_returns(records["x"], records["y"], records["z"])]
+    seen = records[are_returns(records["x"], records["y"], records["z"]) & ~_no_coordinates(records)]
     if len(seen) < _FEWEST_POINTS:
         return
     negative = {name: float(np.mean(seen[name] < 0)) for name in seen.dtype.names or ()}

@@ -25,6 +25,9 @@ _RATE, _ACCELERATION = slice(13, 16), slice(25, 28)
 _STAMP = slice(4, 12)  # seconds and nanoseconds: after the sequence number of ROS 1, or the encoding of ROS 2
 
 
+_FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e4  # a thousand times what robots bear
+
+
 class ImuReading(NamedTuple):
     """Samples in the IMU's axes, the name of these axes, and `T_lidar_imu (4, 4)` where the source tells it."""
 
@@ -69,7 +72,9 @@ def _samples(messages: list[RawMessage], place: str) -> ImuReading:
     numbers = np.frombuffer(b"".join(raw[-size:] for _, raw in whole), f"{order}f8").reshape(-1, _NUMBERS)
     seconds = np.frombuffer(b"".join(raw[_STAMP] for _, raw in whole), f"{order}u4").reshape(-1, 2).astype(np.int64)
     stamps_ns = (seconds[:, 0] * 10**9 + seconds[:, 1]).tolist()
-    good = np.isfinite(numbers[:, _RATE]).all(axis=1) & np.isfinite(numbers[:, _ACCELERATION]).all(axis=1)
+    # NaN is not below anything, either.
+    good = (np.abs(numbers[:, _RATE]) < _FASTEST_RAD_S).all(axis=1)
+    good &= (np.abs(numbers[:, _ACCELERATION]) < _STRONGEST_M_S2).all(axis=1)
     rows = np.flatnonzero(good).tolist()
     if bad := len(messages) - len(rows):
         logger.warning("%s: %d of %d messages hold no numbers and were left out", place, bad, len(messages))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import plausible_rows
 from wiclosure.formats.radio_units import stamp_ns
 from wiclosure.formats.text_table import number_of, open_table
 from wiclosure.pipeline.sources.navigation.gnss_topics import UNKNOWN_SIGMA_M
@@ -19,6 +20,9 @@ logger = logging.getLogger(__name__)
 
 _ACCELERATION = r"(a|acc|accel|accelerations?|linear_?acceleration)"
 _RATE = r"(w|g|gyr|gyro|omega|rates?|turning_?rate|angular_?velocity|angular_?rate)"
+IMU_BOUNDS = np.array([1e4] * 3 + [1e3] * 3)  # m/s^2 and rad/s: a thousand times what robots bear
+GNSS_BOUNDS = np.array([90.0, 360.0, 1e5])  # degrees and metres
+_SIGMA = r"(sigma|std|sd|stddev)\b|(sigma|std|sd)_"
 _STAMP = r"#?\s*(stamp|time|timestamp|t)\b.*"
 IMU_COLUMNS: Mapping[str, str] = {
     "stamp": _STAMP,
@@ -40,18 +44,23 @@ def read_imu_table(path: Path) -> ImuLog:
         InputError: it cannot be read, or columns are missing.
     """
     stamps_ns, values = _columns(path, IMU_COLUMNS)
+    keep = plausible_rows(path, "samples", values[:, :6], IMU_BOUNDS, "expected m/s^2 and rad/s")
+    stamps_ns, values = stamps_ns[keep], values[keep]
     return ImuLog(stamps_ns, values[:, :3], values[:, 3:6])
 
 
 def read_gnss_table(path: Path) -> GnssLog:
     """Columns stamp, latitude, longitude (degrees), height (m), in this order where no line names them.
 
-    Three further columns without names are standard deviations east, north and up, m.
+    Three further columns, named `sigma...` or `std...` where there is a line of names, are standard deviations east,
+    north and up, m.
 
     Raises:
         InputError: it cannot be read, or columns are missing.
     """
     stamps_ns, values = _columns(path, GNSS_COLUMNS)
+    keep = plausible_rows(path, "fixes", values[:, :3], GNSS_BOUNDS, "expected degrees, latitude first, and metres")
+    stamps_ns, values = stamps_ns[keep], values[keep]
     stated = values[:, 3:6] if values.shape[1] >= 6 else np.tile(UNKNOWN_SIGMA_M, (len(values), 1))
     sigma = np.where(np.isfinite(stated) & (stated > 0), stated, UNKNOWN_SIGMA_M)
     return GnssLog(stamps_ns, values[:, :3], sigma)
@@ -92,4 +101,4 @@ def _places(path: Path, names: Sequence[str], wanted: Mapping[str, str]) -> list
         if not found:
             raise InputError(f"{path} has no column of {what}; its columns: {', '.join(names)}")
         places.append(found[0])
-    return places
+    return places + [n for n, name in enumerate(names) if re.match(_SIGMA, name.strip().lower()) and n not in places]

@@ -37,14 +37,25 @@ def plausible_path(place: object, stamps_ns: IntArray, positions_m: FloatArray) 
     Raises:
         InputError: more than a few lie beyond all places.
     """
-    keep = np.asarray((np.abs(positions_m) < FURTHEST_M).all(axis=1))
-    if out := int(np.count_nonzero(~keep)):
-        example = positions_m[int(np.argmin(keep))]
-        what = f"{place}: {out} of {len(keep)} positions lie beyond {FURTHEST_M:g} m, as {example.round().tolist()}"
-        if not few(out, len(keep)):
-            raise InputError(f"{what}; expected metres from an origin nearby")
-        logger.warning("%s; they are left out", what)
+    keep = plausible_rows(place, "positions", positions_m, FURTHEST_M, "expected metres from an origin nearby")
     _say_leaps(place, stamps_ns[keep], positions_m[keep])
+    return keep
+
+
+def plausible_rows(place: object, what: str, values: FloatArray, most: float | FloatArray, way_out: str) -> BoolArray:
+    """Which rows `(N,)` of values `(N, K)` are numbers below a bound, of all or of each column; few others are said.
+
+    Raises:
+        InputError: more than a few are not.
+    """
+    keep = np.asarray((np.abs(values) <= most).all(axis=1))  # false for NaN
+    if out := int(np.count_nonzero(~keep)):
+        example = ", ".join(f"{number:.6g}" for number in values[int(np.argmin(keep))])
+        bound = ", ".join(f"{number:g}" for number in np.atleast_1d(most))
+        said = f"{place}: {out} of {len(keep)} {what} lie beyond {bound}, as {example}"
+        if not few(out, len(keep)):
+            raise InputError(f"{said}; {way_out}")
+        logger.warning("%s; they are left out", said)
     return keep
 
 

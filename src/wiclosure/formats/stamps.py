@@ -39,6 +39,7 @@ def few_digits(stamp: str) -> int | None:
 
     A whole second may end in zeros: ask where stamps repeat.
     """
+    stamp = stamp.replace(",", ".")
     digits = re.sub(r"[eE].*|[^0-9]", "", stamp).strip("0")
     return len(digits) if len(digits) <= _FEW_DIGITS and abs(float(stamp)) >= 10**_FEW_DIGITS else None
 

@@ -18,6 +18,8 @@ from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import read_json
 from wiclosure.types import AoaPath, FloatArray, WirelessLog, WirelessMeasurement
 
+_LARGEST_RAD = 4 * math.pi
+
 
 @dataclass(frozen=True, slots=True)
 class AoaNoise:
@@ -179,6 +181,8 @@ def _profile(trial: str, record: Mapping[str, Any]) -> WsrProfile:
     variance, true_azimuth = float(found["Profile_variance"]), transmitter.get("groundtruth_azimuth")
     if not (math.isfinite(variance) and np.isfinite(azimuth).all() and np.isfinite(polar).all()):
         raise ValueError("a number is not finite")
+    if np.abs(azimuth).max(initial=0.0) > _LARGEST_RAD or np.abs(polar).max(initial=0.0) > _LARGEST_RAD:
+        raise ValueError("an angle beyond two turns")
     planar = receiver.get("displacement_type") == "2D"
     return WsrProfile(
         trial=trial,

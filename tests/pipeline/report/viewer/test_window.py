@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import shutil
 import socket
+import sys
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
@@ -50,5 +52,11 @@ def test_closing_leaves_no_process(page: Window) -> None:
 def test_no_window_without_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(ProcessError, match=r"did not start.*--save-rrd"):
+    with pytest.raises(ProcessError, match="no screen"):
         Window(page=False)
+
+
+def test_a_viewer_that_does_not_start_is_said_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
+    with pytest.raises(ProcessError, match=r"did not start.*--save-rrd"):
+        Window(page=True)

@@ -1,0 +1,214 @@
+"""Large teams, and the same run on a cluster.
+
+    python benchmarks/fleet.py [--rows filter,overhead,efficiency,killed,memory] [--robots 10,30,100] [--jobs 1]
+        [--scenario demo-site] [--scans 60] [--kills 10] [--seed 0]
+
+`filter`: robots with 500 keyframes each in a plan of a city that grows with them, four links for each robot, 20
+measurements a link (`fleet_world.py`); each size in a fresh process.  The other rows run a simulated scenario, each run
+with an empty cache: `overhead` of `--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one;
+`killed`: a worker killed at random moments of a run; `memory` of this process while odometry is done by workers, for so
+many scans and for half of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from fleet_world import fleet
+
+from wiclosure.memory import peak_rss_mb
+from wiclosure.pipeline.config import load_config
+from wiclosure.pipeline.data.open_inputs import open_inputs
+from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.cluster import Cluster, cluster
+from wiclosure.pipeline.runtime.processes import local_workers
+from wiclosure.pipeline.runtime.progress import NoProgress
+from wiclosure.pipeline.stages.odometry import front_ends
+from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
+from wiclosure.pipeline.stages.run_result import RunResult
+from wiclosure.types import FilterResult, Trajectory
+from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.filter import WiClosureFilter
+from wiclosure.workers import Workers
+
+CONFIG = "small-site"
+
+
+def load() -> str:
+    return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+
+
+def filter_of_a_fleet(robots: int, jobs: int, seed: int) -> None:
+    """One row; in a process of its own, for its peak of memory."""
+    team = fleet(robots, seed=seed)
+    links = {(m.receiver, m.transmitter) for m in team.wireless.measurements}
+    # Of a robot that nothing joins for certain every pair would be kept, with all robots.
+    settings = FilterSettings(on_ambiguous="reject")
+    chosen = WiClosureFilter(settings, local_workers(jobs))
+    began, spent = time.perf_counter(), processor_s()
+    result = chosen.candidates(team.odometry, team.wireless)
+    seconds, spent = time.perf_counter() - began, processor_s() - spent
+    meeting = sum(len(pairs) > 0 for pairs in result.pairs if pairs.predicts is not None)
+    lost = recall(result, team.truth)
+    print(
+        f"{robots:5d} robots, {len(links):5d} links, {sum(not a.ambiguous for a in result.alignments):5d} certain,"
+        f" {meeting:5d} pairs of robots meet: {seconds:7.1f} s ({spent:7.1f} s of processor time,"
+        f" {1e3 * spent / max(meeting, 1):6.1f} ms a meeting pair), peak {peak_rss_mb():6.0f} MB;"
+        f" {result.pairs_kept} of {result.pairs_total} pairs kept, recall {lost:.4f}; {load()}",
+        flush=True,
+    )
+
+
+def processor_s() -> float:
+    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+
+
+def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float = 35.0) -> float:
+    """Share of the pairs truly within the sensor's range that are kept, of robots that links join."""
+    true = kept = 0
+    for pairs in result.pairs:
+        if pairs.predicts is None:
+            continue
+        a, b = truth[pairs.robot_a].positions, truth[pairs.robot_b].positions
+        if np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > 2000.0:
+            continue
+        near = np.linalg.norm(a[:, None] - b[None], axis=2) <= true_m
+        true, kept = true + int(near.sum()), kept + int(near[pairs.index_a, pairs.index_b].sum())
+    return kept / max(true, 1)
+
+
+def whole_run(scenario: str, scans: int, jobs: int, workers: Workers | None = None) -> tuple[RunResult, float]:
+    """A run from nothing, and the seconds that it takes."""
+    config = load_config(CONFIG)
+    with tempfile.TemporaryDirectory() as folder:
+        cache = StageCache(Path(folder))
+        began = time.perf_counter()
+        inputs = open_inputs([f"scenario:{scenario}"], limit=scans)
+        chosen = candidate_filter("wiclosure", inputs, config, workers)
+        prepared = prepare(inputs, config, cache=cache, jobs=jobs, progress=NoProgress(), cluster=workers)
+        result = run_stages(prepared, chosen, progress=NoProgress())
+        return result, time.perf_counter() - began
+
+
+def same(one: RunResult, other: RunResult) -> bool:
+    return all(np.array_equal(one.merged[robot].poses, other.merged[robot].poses) for robot in one.merged) and all(
+        (a.query, a.match, a.rejected_at) == (b.query, b.match, b.rejected_at)
+        for a, b in zip(one.solution.closures, other.solution.closures, strict=True)
+    )
+
+
+def overhead(scenario: str, scans: int) -> None:
+    here, seconds = whole_run(scenario, scans, 2)
+    began = time.perf_counter()
+    with cluster("local:2") as workers:
+        start = time.perf_counter() - began
+        there, on_cluster = whole_run(scenario, scans, 1, workers)
+    print(
+        f"{scenario}, {scans} scans a robot: -j 2 {seconds:.1f} s, --cluster local:2 {on_cluster:.1f} s"
+        f" ({on_cluster / seconds:.2f} x) after {start:.1f} s of starting it; same result: {same(here, there)};"
+        f" {workers.costs.bytes_moved / 1e6:.1f} MB moved; {load()}"
+    )
+
+
+def efficiency(scenario: str, scans: int) -> None:
+    seconds = {}
+    for count in (1, 2):
+        with cluster(f"local:{count}") as workers:
+            seconds[count] = whole_run(scenario, scans, 1, workers)[1]
+    print(
+        f"{scenario}, {scans} scans a robot: one worker {seconds[1]:.1f} s, two {seconds[2]:.1f} s,"
+        f" efficiency {seconds[1] / (2 * seconds[2]):.2f}; {load()}"
+    )
+
+
+def killed(scenario: str, scans: int, kills: int, seed: int) -> None:
+    chance = random.Random(seed)
+    with cluster("local:2") as workers:
+        whole_run(scenario, scans, 1, workers)  # workers import what they need
+        undisturbed, seconds = whole_run(scenario, scans, 1, workers)
+        lost, alike, retries = [], 0, workers.costs.retries
+        for _ in range(kills):
+            with _killing(workers, chance.uniform(0.0, 0.9 * seconds)):
+                disturbed, took = whole_run(scenario, scans, 1, workers)
+            lost.append(took - seconds)
+            alike += same(undisturbed, disturbed)
+        retries = workers.costs.retries - retries
+    print(
+        f"{scenario}, {scans} scans a robot: {kills} runs of {seconds:.1f} s, a worker killed in each:"
+        f" {alike} with the same result, {retries} tasks begun again; {np.median(lost):.1f} s lost (median), at most"
+        f" {max(lost):.1f} s; {load()}"
+    )
+
+
+@contextmanager
+def _killing(workers: Cluster, after_s: float) -> Iterator[None]:
+    pids = list(workers.process_ids().values())
+    timer = threading.Timer(after_s, lambda: os.kill(pids[0], signal.SIGKILL))
+    timer.start()
+    yield
+    timer.join()
+    time.sleep(3.0)  # until the worker is there again
+
+
+def memory(scenario: str, scans: int) -> None:
+    """Growth of this process while workers follow scans: results stay in the cache until all are there."""
+    config = load_config(CONFIG)
+    with cluster("local:2") as workers, tempfile.TemporaryDirectory() as folder:
+        for count in (scans // 2, scans):
+            inputs = open_inputs([f"scenario:{scenario}"], limit=count)
+            before, moved = peak_rss_mb(), workers.costs.bytes_moved
+            front_ends(
+                inputs.robots, config, cache=StageCache(Path(folder)), jobs=1, progress=NoProgress(), workers=workers
+            )
+            moved = workers.costs.bytes_moved - moved
+            print(
+                f"{scenario}, {count} scans a robot: peak of this process {before:.0f} -> {peak_rss_mb():.0f} MB,"
+                f" {moved / 1e6:.2f} MB moved; {load()}"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", default="filter,overhead,efficiency,killed,memory")
+    parser.add_argument("--robots", default="10,30,100")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--scenario", default="demo-site")
+    parser.add_argument("--scans", type=int, default=60)
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one is not None:
+        filter_of_a_fleet(arguments.one, arguments.jobs, arguments.seed)
+        return
+    rows = arguments.rows.split(",")
+    if "filter" in rows:
+        for robots in arguments.robots.split(","):
+            own = ["--one", robots, "--jobs", str(arguments.jobs), "--seed", str(arguments.seed)]
+            subprocess.run([sys.executable, __file__, *own], check=True)
+    if "overhead" in rows:
+        overhead(arguments.scenario, arguments.scans)
+    if "efficiency" in rows:
+        efficiency(arguments.scenario, arguments.scans)
+    if "killed" in rows:
+        killed(arguments.scenario, arguments.scans, arguments.kills, arguments.seed)
+    if "memory" in rows:
+        memory(arguments.scenario, arguments.scans)
+
+
+if __name__ == "__main__":
+    main()
