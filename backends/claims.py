@@ -14,6 +14,7 @@ from wiclosure.types import FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
 NULL_PAIRS = 1000  # recombined pairs from which the chance to agree is estimated
+DIMENSION_FROM = 20  # of them, whose distances say in how many dimensions
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 
 
@@ -126,7 +127,7 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees:
     """Probability that two unrelated closures lie within `limit` of each other.
 
     The share of recombined pairs that do; where they are too few to count, the share within the distance of the
-    nearest ones, scaled down with the volume of the six-dimensional ellipsoid (a nearest-neighbour density estimate).
+    nearest ones, scaled down with the volume of the ellipsoid (a nearest-neighbour density estimate).
 
     Args:
         distances: sorted, from `Claims.chance_distances`.
@@ -142,4 +143,15 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees:
     nearest = min(nearest, len(distances))
     if rank >= nearest:
         return min(1.0, rank / len(distances))
-    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** (degrees / 2)))
+    near = distances[: round(DIMENSION_FROM * len(distances) / independent)]
+    exponent = degrees / 2 if independent < 2 * DIMENSION_FROM else min(degrees / 2, _growth(near))
+    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** exponent))
+
+
+def _growth(distances: FloatArray) -> float:
+    """Power of the squared distance with which the number of neighbours grows: half the dimension that they fill.
+
+    Ground robots hardly roll or pitch: unrelated frames fill fewer than six dimensions (Levina and Bickel, NIPS 2004).
+    """
+    ratios = np.log(distances[-1] / np.maximum(distances[:-1], np.finfo(float).tiny))
+    return float(1.0 / max(float(ratios.mean()), 1e-9))

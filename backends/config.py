@@ -159,6 +159,11 @@ class MapSettings(Settings):
     """The merged map."""
 
     voxel_size_m: float = Field(0.2, gt=0, description="m; one point per voxel: fine enough for poles and kerbs")
+    moving_objects: bool = Field(
+        True,
+        description="false: points that scans a little earlier and later looked through are left out, as those of cars"
+        " and people; takes about as long as odometry",
+    )
     occupancy_cell_m: float = Field(
         0.25, gt=0, description="m a pixel of the occupancy image; wider where it would be huge"
     )

@@ -451,6 +451,59 @@ FAULTS = (
 )
 
 
+def of_log(change: Callable[[list[WirelessMeasurement]], list[WirelessMeasurement]]) -> Callable[..., Case]:
+    """The log changed as a whole."""
+    return lambda case, _: replace(case, log=replace(case.log, measurements=tuple(change(list(case.log.measurements)))))
+
+
+def stuck(log: list[WirelessMeasurement]) -> list[WirelessMeasurement]:
+    """From two thirds on, the receiver repeats its last value."""
+    last = log[2 * len(log) // 3]
+    return [replace(m, range_m=last.range_m, paths=last.paths) if m.stamp_ns > last.stamp_ns else m for m in log]
+
+
+def repeated(log: list[WirelessMeasurement]) -> list[WirelessMeasurement]:
+    """Each is written five times, milliseconds apart."""
+    return [replace(m, stamp_ns=m.stamp_ns + 5_000_000 * k) for m in log for k in range(5)]
+
+
+def backwards(log: list[WirelessMeasurement]) -> list[WirelessMeasurement]:
+    """The last measurement has the first stamp."""
+    return [replace(m, stamp_ns=n.stamp_ns) for m, n in zip(log[::-1], log, strict=True)]
+
+
+def sometimes_longer(m: WirelessMeasurement) -> WirelessMeasurement:
+    """Every other range goes by a reflection."""
+    return replace(m, range_m=(m.range_m or 0.0) + m.stamp_ns // 1_000_000_000 // 4 % 2 * 5.0)
+
+
+def fast_clock(case: Case, _: np.random.Generator) -> Case:
+    """Robot b's clock runs 3 % too fast."""
+    b = case.odometry["b"]
+    stamps_ns = b.stamps_ns[0] + ((b.stamps_ns - b.stamps_ns[0]) * 1.03).astype(np.int64)
+    return replace(case, odometry={**case.odometry, "b": replace(b, stamps_ns=stamps_ns)})
+
+
+# No correction knows these.
+UNSEEN = (
+    Fault("ranges bent by distance", 3, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) ** 2 / 20.0))),
+    Fault("azimuths halved", 3, spoil=each_path(lambda a: a / 2)),
+    Fault(
+        "half of the ranges +5 m",
+        3,
+        spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) + m.stamp_ns // 10**9 % 2 * 5)),
+    ),
+    Fault("receiver gets stuck", 3, spoil=of_log(stuck)),
+    Fault("each measurement five times", 1, spoil=of_log(repeated)),
+    Fault("clock 3 % fast", 3, spoil=fast_clock),
+    Fault(
+        "measurements in another order",
+        3,
+        spoil=of_log(lambda log: [replace(m, stamp_ns=n.stamp_ns) for m, n in zip(log, log[::-1], strict=True)][::-1]),
+    ),
+)
+
+
 # Scoring -----------------------------------------------------------------------------------------------------------
 
 
@@ -515,12 +568,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=30, help="in each world")
     parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
+    parser.add_argument("--unseen", action="store_true", help="faults that no correction knows, instead")
     parser.add_argument("--worlds", default=",".join(WORLDS))
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     words = [word for word in arguments.faults.split(",") if word]
     print(f"{'fault':28} {'certain':>8} {'wrong':>6} {'goal':>5} {'lost':>5} {'named':>6} {'ms':>6}  of pairs")
-    for fault in FAULTS:
+    for fault in UNSEEN if arguments.unseen else FAULTS:
         if words and not any(word in fault.name for word in words):
             continue
         score = Score()

@@ -9,6 +9,7 @@ from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
 from kiss_icp.preprocess import Preprocessor
+from kiss_icp.threshold import get_threshold_estimator
 
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
@@ -23,6 +24,8 @@ _NO_TIMES = np.zeros(0)
 
 # Stamps jitter: a sweep within this share of the time between scans is taken to fill it, as KISS-ICP assumes.
 _JITTER = 0.25
+
+_FARTHEST_SHARE = 0.99  # of the first scan's points; single ones seen through a door are beyond
 
 
 class KissOdometry:
@@ -94,7 +97,20 @@ class KissOdometry:
             )
         )
         kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
+        kiss.adaptive_threshold = get_threshold_estimator(_seen_range(kiss.config, first))
         return kiss
+
+
+def _seen_range(config: KISSConfig, first: Scan) -> KISSConfig:
+    """With the range that this sensor sees here, in place of the farthest that is used.
+
+    KISS-ICP searches for matches as far as an unforeseen turn moves a point at that range.  Where walls are 20 m away
+    and the limit is 100 m, a few degrees open the search to whole rooms, and it settles where it should not.
+    """
+    ranges = np.linalg.norm(first.points, axis=1)
+    seen_m = float(np.quantile(ranges[np.isfinite(ranges)], _FARTHEST_SHARE))
+    data = config.data.model_copy(update={"max_range": min(config.data.max_range, max(seen_m, config.data.min_range))})
+    return config.model_copy(update={"data": data})
 
 
 class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types

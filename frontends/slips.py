@@ -8,15 +8,17 @@ departs: loops may then mend the map there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.frontends.inertial.turning import TurningRates
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 
-UNLIKE = 8.0  # times the median departure of the robot's own moving steps
+UNLIKE = (
+    10.0  # times the lower quartile of departures of moving steps: nine sigma of those that hold, with many slips too
+)
 INERT_MPS2 = 5.0  # half of gravity: tyres and legs hold no more for long
 TURN_RPS2 = 20.0  # rad/s^2, of turning; a head that is shaken reaches it
 MOVING = 0.2  # of the fastest tenth's speed, from which a step counts as moving
@@ -33,12 +35,14 @@ class Slips:
         stamps_ns: `(S,)` of that pose.
         departure_m: `(S,)` how far the step departs from the motion before.
         departure_rad: `(S,)` likewise.
+        gross: `(S,)` whether no inertia allows it; others come after such a one, in a map that is no longer whole.
     """
 
     index: IntArray
     stamps_ns: IntArray
     departure_m: FloatArray
     departure_rad: FloatArray
+    gross: BoolArray
 
     def __len__(self) -> int:
         return len(self.index)
@@ -46,28 +50,27 @@ class Slips:
     def __add__(self, more: Slips) -> Slips:
         """Both, each step once."""
         new = ~np.isin(more.index, self.index)
-        pairs = zip((self.index, self.stamps_ns, self.departure_m, self.departure_rad),
-                    (more.index, more.stamps_ns, more.departure_m, more.departure_rad), strict=True)  # fmt: skip
-        index, stamps_ns, departure_m, departure_rad = (np.concatenate([own, other[new]]) for own, other in pairs)
-        order = np.argsort(index, kind="stable")
-        return Slips(index[order], stamps_ns[order], departure_m[order], departure_rad[order])
+        order = np.argsort(np.concatenate([self.index, more.index[new]]), kind="stable")
+        columns = (np.concatenate([getattr(self, of.name), getattr(more, of.name)[new]])[order] for of in fields(self))
+        return Slips(*columns)
 
     @classmethod
     def none(cls) -> Slips:
         """Of an odometry that holds."""
-        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, bool))
 
     def sentence(self, start_ns: int) -> str:
         """For the user: when, and by how much; empty without slips."""
         if not len(self):
             return ""
-        worst = int(np.argmax(self.departure_m))
+        worst = int(np.argmax(np.where(self.gross, self.departure_m + self.departure_rad, -1.0)))
         seconds = [(int(ns) - start_ns) * 1e-9 for ns in self.stamps_ns]
-        times = ", ".join(f"{at:.1f}" for at in seconds[:8]) + (" ..." if len(self) > 8 else "")
+        gross = [at for at, of in zip(seconds, self.gross.tolist(), strict=True) if of]
+        times = ", ".join(f"{at:.1f}" for at in gross[:8]) + (" ..." if len(gross) > 8 else "")
         return (
-            f"odometry slips {len(self)} times, at {times} s after its start, at {seconds[worst]:.1f} s by"
-            f" {self.departure_m[worst]:.1f} m and {np.degrees(self.departure_rad[worst]):.0f} degrees; these steps"
-            " count as unknown by so much, and loops may mend them"
+            f"odometry slips {len(gross)} times, at {times} s after its start, at {seconds[worst]:.1f} s by"
+            f" {self.departure_m[worst]:.1f} m and {np.degrees(self.departure_rad[worst]):.0f} degrees;"
+            " from then on steps count as unknown by how they depart from the motion before, and loops may mend them"
         )
 
 
@@ -87,13 +90,16 @@ def find_slips(odometry: Trajectory) -> Slips:
     apart_s2 = seconds[1:] * 0.5 * (seconds[1:] + seconds[:-1])
     speed = np.linalg.norm(steps[1:, 3:], axis=1) / seconds[1:]
     moving = speed >= MOVING * np.quantile(speed, 0.9)
-    slipped = np.zeros(len(off), bool)
+    gross = np.zeros(len(off), bool)
     for departure, most in ((departure_m, INERT_MPS2), (departure_rad, TURN_RPS2)):
         acceleration = departure / apart_s2
-        usual = float(np.median(acceleration[moving])) if moving.any() else 0.0
-        slipped |= acceleration > max(most, UNLIKE * usual)
-    index = np.flatnonzero(slipped) + 2
-    return Slips(index, odometry.stamps_ns[index], departure_m[slipped], departure_rad[slipped])
+        usual = float(np.quantile(acceleration[moving], 0.25)) if moving.any() else 0.0
+        gross |= acceleration > max(most, UNLIKE * usual)
+    if not gross.any():
+        return Slips.none()
+    index = np.arange(int(np.argmax(gross)), len(gross))
+    stamps_ns = odometry.stamps_ns[index + 2]
+    return Slips(index + 2, stamps_ns, departure_m[index], departure_rad[index], gross[index])
 
 
 def turned_otherwise(odometry: Trajectory, rates: TurningRates, R_body_imu: FloatArray) -> Slips:
@@ -107,11 +113,11 @@ def turned_otherwise(odometry: Trajectory, rates: TurningRates, R_body_imu: Floa
     off = (rates.odometry - rates.imu @ R_body_imu.T) * rates.seconds[:, None]
     off -= np.median(off, axis=0)  # the gyroscope's bias
     departure_rad = np.linalg.norm(off, axis=1)
-    usual = float(np.median(departure_rad)) if len(departure_rad) else 0.0
+    usual = float(np.quantile(departure_rad, 0.25)) if len(departure_rad) else 0.0
     slipped = departure_rad > max(LEAST_TURN_RAD, UNLIKE * usual)
     index = rates.step[slipped] + 1
     moved = np.linalg.norm(odometry.positions[index] - odometry.positions[index - 1], axis=1)
-    return Slips(index, odometry.stamps_ns[index], moved, departure_rad[slipped])
+    return Slips(index, odometry.stamps_ns[index], moved, departure_rad[slipped], np.ones(len(index), bool))
 
 
 def opened(odometry: Trajectory, slips: Slips) -> Trajectory:

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.types import (
     CandidatePairs,
@@ -26,7 +27,7 @@ from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
-from wiclosure.wiclosure_filter.faults.team import contradictions, mixed_up_names
+from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
@@ -88,7 +89,7 @@ class WiClosureFilter:
             filter_name=self.name,
             pairs=pairs,
             pairs_total=count_pairs(trajectories),
-            alignments=tuple(alignments.values()),
+            alignments=tuple(_as_predicted(one, shared, trajectories) for one in alignments.values()),
             diagnosis=(*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared)),
             seconds=perf_counter() - start,
             links=shared.links,
@@ -135,7 +136,11 @@ class WiClosureFilter:
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
         for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
             alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
-        mixed_up = mixed_up_names(alignments, trajectories, wireless, settings)
+        orders = NameOrders.of(alignments, trajectories, wireless, settings)
+        mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
+        for pair, alignment in list(alignments.items()):
+            if objection and not alignment.ambiguous:
+                alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
         for pair, alignment in list(alignments.items()):
             strained = alignment.strain_probability < STRAINED
             if mixed_up is None and not alignment.suspected_fault and not strained:
@@ -255,6 +260,22 @@ class WiClosureFilter:
             return f"{len(kept)} pairs possible under one of {likely} likely alignments are kept"
         known = "" if kept.predicts is None else ", with the relative heading from compasses"
         return f"every pair is kept{known}"
+
+
+def _as_predicted(
+    alignment: FrameAlignment, shared: SharedTrajectory, trajectories: Mapping[str, Trajectory]
+) -> FrameAlignment:
+    """What the predictions imply at the middle of the meeting, with their covariance; as it is where it is not used."""
+    pair = (alignment.robot_a, alignment.robot_b)
+    links = next((one for one in shared.links if (one.robot_a, one.robot_b) == pair), None)
+    if links is None or alignment.best is None or pair not in shared.estimates:
+        return alignment
+    middle = len(links.index_a) // 2
+    index_a, index_b = links.index_a[[middle]], links.index_b[[middle]]
+    T_a_b, covariance = shared.estimates[pair].relative_poses(pair[0], index_a, pair[1], index_b)
+    at_a, at_b = (trajectories[robot].poses[i[0]] for robot, i in zip(pair, (index_a, index_b), strict=True))
+    best = replace(alignment.best, T_a_b=at_a @ T_a_b[0] @ se3.inverse(at_b))
+    return replace(alignment, best=best, covariance=se3.rotate_covariance(se3.adjoint(at_b), covariance[0]))
 
 
 def unknown_robots(trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> tuple[str, ...]:

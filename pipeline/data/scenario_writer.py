@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
+
+from scipy.spatial.transform import Rotation
 
 from wiclosure.errors import ConfigError
 from wiclosure.formats.tum import write_tum
 from wiclosure.formats.wireless_log import write_wireless_log
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
+from wiclosure.pipeline.data.navigation.writer import write_gnss_table, write_imu_table
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.progress import Progress
@@ -85,7 +89,26 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         ground_truth = folder / f"{robot}_gt.tum"
         write_tum(ground_truth, scenario.ground_truth(robot))
         as_simulated = {"elevation_correction_deg": 0.0} if formats[robot] == "kitti" else {}
-        robots[robot] = RobotRecording(recording, ground_truth=ground_truth, odometry_settings=as_simulated)
+        robots[robot] = replace(
+            _navigation(scenario, robot, folder, RobotRecording(recording)),
+            ground_truth=ground_truth,
+            odometry_settings=as_simulated,
+        )
     write_wireless_log(folder / WIRELESS_FILE, wireless)
     write_dataset(folder / DATASET_FILE, robots, [RadioSource(path=folder / WIRELESS_FILE)])
     return folder / DATASET_FILE
+
+
+def _navigation(scenario: Scenario, robot: str, folder: Path, recording: RobotRecording) -> RobotRecording:
+    """With tables of what its IMU and its satellite receiver gave, where it has them."""
+    imu, gnss = scenario.imu_log(robot), scenario.gnss_log(robot)
+    if imu is not None and scenario.imu is not None:
+        write_imu_table(folder / f"{robot}_imu.csv", imu)
+        T = scenario.imu.T_lidar_imu()
+        pose = (*T[:3, 3].tolist(), *Rotation.from_matrix(T[:3, :3]).as_quat().tolist())
+        recording = replace(recording, imu=folder / f"{robot}_imu.csv", imu_pose=pose)
+    if gnss is not None and scenario.gnss is not None:
+        write_gnss_table(folder / f"{robot}_gnss.csv", gnss)
+        antenna = tuple(scenario.gnss.antenna_lidar().tolist())
+        recording = replace(recording, gnss=folder / f"{robot}_gnss.csv", gnss_antenna=antenna)
+    return recording

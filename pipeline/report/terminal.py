@@ -57,7 +57,7 @@ class Fitted:
 
 
 def _widths(console: Console, table: Table, most: int) -> list[int] | None:
-    """Width of each column: its longest word at least, the rest shared by what they would need; None: no room."""
+    """Width of each column: its longest word at least, the rest shared by those that need more; None: no room."""
     texts = [_texts(console, table, n) for n in range(len(table.columns))]
     least = [max((length for text in of for length in _word_lengths(text)), default=1) for of in texts]
     whole = [max((line.cell_len for text in of for line in text.split()), default=1) for of in texts]
@@ -73,8 +73,11 @@ def _widths(console: Console, table: Table, most: int) -> list[int] | None:
     wanted = [full - word for full, word in zip(whole, least, strict=True)]
     if sum(wanted) <= left:
         return whole
-    given = [want * left // sum(wanted) for want in wanted]
-    return [word + more for word, more in zip(least, given, strict=True)]
+    widths = list(least)
+    for done, n in enumerate(sorted(range(len(wanted)), key=wanted.__getitem__)):  # short columns stay whole
+        given = min(wanted[n], left // (len(wanted) - done))
+        widths[n], left = widths[n] + given, left - given
+    return widths
 
 
 def _rich_widths(console: Console, table: Table) -> list[int]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.moving_objects import standing_points
 from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import Config
@@ -28,7 +30,7 @@ from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
 from wiclosure.pipeline.stages.stored_clouds import StoredClouds
 from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
-from wiclosure.types import KeyframeId
+from wiclosure.types import Float32Array, KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
 from wiclosure.workers import Workers
 
@@ -194,9 +196,21 @@ def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) 
         (number, pose, cloud)
         for number, (robot, front) in enumerate(fronts.items())
         if robot in first
-        for pose, cloud in zip(solution.graph.trajectories[robot].poses, front.clouds, strict=True)
+        for pose, cloud in zip(
+            solution.graph.trajectories[robot].poses,
+            _standing(front, solution.graph.trajectories[robot], config),
+            strict=True,
+        )
     )
     return merge_maps(clouds, config.map)
+
+
+def _standing(front: FrontEndResult, merged: Trajectory, config: Config) -> Iterable[Float32Array]:
+    """A robot's clouds, without what moves where the settings say so."""
+    if config.map.moving_objects:
+        return front.clouds
+    voxel_m = (config.odometry.voxel_size_m or voxel_size_m(front.clouds[0])) / 2  # what keyframes are thinned to
+    return standing_points(front.clouds, merged.poses, voxel_m)
 
 
 def _about_inputs(prepared: Prepared) -> list[str]:

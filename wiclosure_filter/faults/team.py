@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+from scipy.special import logsumexp
 
 from wiclosure import se3
 from wiclosure.types import FrameAlignment, Trajectory, WirelessLog, robot_pairs
@@ -22,6 +24,7 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 
 _MOST_ROBOTS = 4  # of larger teams there are too many orders to try
 _SIGMAS = 4.0
+_MIXED_UP = 0.02  # share of logs in which names stand in one of the other orders
 
 
 def contradictions(
@@ -86,32 +89,60 @@ def _drift_variance(trajectories: Mapping[str, Trajectory], inflation: float) ->
     return inflation**2 * sum(float(np.trace(covariance[3:5, 3:5])) for covariance in ends)
 
 
-def mixed_up_names(
-    alignments: Mapping[tuple[str, str], FrameAlignment],
-    trajectories: Mapping[str, Trajectory],
-    log: WirelessLog,
-    settings: AlignmentSettings,
-) -> Correction | None:
-    """The order of names under which a team's measurements fit far better, or None.
+@dataclass(frozen=True, eq=False)
+class NameOrders:
+    """The orders of names that a small team's log may have, with how likely the measurements are under each.
 
     Args:
-        alignments: by what the log claims.
-        trajectories: of all robots; small teams only.
-        log: all measurements.
-        settings: of the alignment.
+        claimed: logarithm of the likelihood by what the log claims.
+        others: the same with each other order.
     """
-    robots = list(trajectories)
-    if not 3 <= len(robots) <= _MOST_ROBOTS or not any(alignment.suspected_fault for alignment in alignments.values()):
-        return None
-    quick = quick_settings(settings)
-    claimed = _log_likelihood((trajectories, log), quick)
-    found: list[tuple[float, Correction]] = []
-    for order in permutations(robots):
-        if list(order) != robots:
-            correction = swapped(dict(zip(robots, order, strict=True)))
-            found.append((_log_likelihood(correction.apply((trajectories, log)), quick), correction))
-    best, correction = max(found, key=lambda one: one[0])
-    return correction if best - max(claimed, 0.0) > LIKELIER else None
+
+    claimed: float = -np.inf
+    others: tuple[tuple[float, Correction], ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        alignments: Mapping[tuple[str, str], FrameAlignment],
+        trajectories: Mapping[str, Trajectory],
+        log: WirelessLog,
+        settings: AlignmentSettings,
+    ) -> NameOrders:
+        """None of them where the team is no small one, or nothing about any two robots is in doubt.
+
+        Args:
+            alignments: by what the log claims.
+            trajectories: of all robots.
+            log: all measurements.
+            settings: of the alignment.
+        """
+        robots = list(trajectories)
+        doubted = any(alignment.suspected_fault for alignment in alignments.values())
+        if not 3 <= len(robots) <= _MOST_ROBOTS or not doubted:
+            return cls()
+        quick = quick_settings(settings)
+        orders = [dict(zip(robots, order, strict=True)) for order in permutations(robots) if list(order) != robots]
+        likely = [(_log_likelihood(c.apply((trajectories, log)), quick), c) for c in map(swapped, orders)]
+        return cls(_log_likelihood((trajectories, log), quick), tuple(likely))
+
+    @property
+    def mixed_up(self) -> Correction | None:
+        """The order under which the measurements fit far better, or None."""
+        if not self.others:
+            return None
+        best, correction = max(self.others, key=lambda one: one[0])
+        return correction if best - max(self.claimed, 0.0) > LIKELIER else None
+
+    def objection(self, min_odds: float) -> str:
+        """That some other order fits as well, as a sentence; empty where the odds are against all of them."""
+        if not self.others or not np.isfinite(self.claimed):
+            return ""
+        log_odds = float(logsumexp([log_likelihood for log_likelihood, _ in self.others])) - self.claimed
+        if log_odds + np.log(_MIXED_UP) < -np.log(min_odds):
+            return ""
+        _, likeliest = max(self.others, key=lambda one: one[0])
+        return f"the measurements of the whole team fit as well otherwise: {likeliest.fault}"
 
 
 def _log_likelihood(inputs: RadioInputs, settings: AlignmentSettings) -> float:
@@ -124,4 +155,4 @@ def _log_likelihood(inputs: RadioInputs, settings: AlignmentSettings) -> float:
         return -np.inf
     if contradictions(alignments, trajectories, settings.drift_inflation):
         return -np.inf
-    return float(sum(alignment.best.log_likelihood for alignment in heard if alignment.best is not None))
+    return float(sum(one.best.log_likelihood - one.strain / 2 for one in heard if one.best is not None))

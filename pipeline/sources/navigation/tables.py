@@ -22,6 +22,7 @@ _ACCELERATION = r"(a|acc|accel|accelerations?|linear_?acceleration)"
 _RATE = r"(w|g|gyr|gyro|omega|rates?|turning_?rate|angular_?velocity|angular_?rate)"
 IMU_BOUNDS = np.array([1e4] * 3 + [1e3] * 3)  # m/s^2 and rad/s: a thousand times what robots bear
 GNSS_BOUNDS = np.array([90.0, 360.0, 1e5])  # degrees and metres
+_SIGMA = r"(sigma|std|sd|stddev)\b|(sigma|std|sd)_"
 _STAMP = r"#?\s*(stamp|time|timestamp|t)\b.*"
 IMU_COLUMNS: Mapping[str, str] = {
     "stamp": _STAMP,
@@ -51,7 +52,8 @@ def read_imu_table(path: Path) -> ImuLog:
 def read_gnss_table(path: Path) -> GnssLog:
     """Columns stamp, latitude, longitude (degrees), height (m), in this order where no line names them.
 
-    Three further columns without names are standard deviations east, north and up, m.
+    Three further columns, named `sigma...` or `std...` where there is a line of names, are standard deviations east,
+    north and up, m.
 
     Raises:
         InputError: it cannot be read, or columns are missing.
@@ -99,4 +101,4 @@ def _places(path: Path, names: Sequence[str], wanted: Mapping[str, str]) -> list
         if not found:
             raise InputError(f"{path} has no column of {what}; its columns: {', '.join(names)}")
         places.append(found[0])
-    return places
+    return places + [n for n, name in enumerate(names) if re.match(_SIGMA, name.strip().lower()) and n not in places]
