@@ -16,7 +16,7 @@ NAMES = ["../x", "a/b", "/abs", "..", ".", "-rf", "a" * 255, "new\nline", "<scri
 
 @pytest.mark.parametrize("name", NAMES)
 def test_robots_have_names_that_files_may_have(name: str) -> None:
-    with pytest.raises(InputError, match="robot name .* cannot be used") as refused:
+    with pytest.raises(InputError, match=r"robot name .* cannot be used") as refused:
         Dataset({name: RobotRecording(Path("a.bag"))}, origin=Path("dataset.yaml"))
     assert str(refused.value).startswith("dataset.yaml: ")
     assert len(str(refused.value)) < 300
