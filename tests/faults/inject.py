@@ -132,7 +132,9 @@ def full(place: Place, which: str, rng: np.random.Generator) -> int:
     finally:
         kept = list(folder.iterdir()) if which == "results" else []
         assert [p for p in kept if p.name.endswith(".unfinished")] == [], kept
+        shutil.copytree(folder, place.home / "kept", symlinks=True)
         os.system(f"umount '{folder}'")
+        shutil.copytree(place.home / "kept", folder, symlinks=True, dirs_exist_ok=True)
 
 
 def no_large_files(place: Place, rng: np.random.Generator) -> int:

@@ -156,11 +156,16 @@ def read_pose_topic(path: Path, topic: str, robot: str, *, salvage: bool = False
         of_path = bag.topics[found].msgtype == _PATH_TYPE
         if of_path:
             messages = messages[-1:]  # each holds all poses up to its time
-        rows = [
-            _Received(row[0] if of_path else received_ns, row[0], row[1], (frame_name(row[2]), frame_name(row[3])))
-            for received_ns, message in messages
-            for row in read(message)
-        ]
+        try:
+            rows = [
+                _Received(row[0] if of_path else received_ns, row[0], row[1], (frame_name(row[2]), frame_name(row[3])))
+                for received_ns, message in messages
+                for row in read(message)
+            ]
+        except AttributeError as error:
+            raise InputError(
+                f"{path}, topic {found}: the bag's own definition of its messages is another ({error}); is it damaged?"
+            ) from error
     if not rows:
         raise InputError(f"{path}: topic {found} holds no messages; name another, or leave the odometry to KISS-ICP")
     rows = _of_one_body(rows, frames, f"{path}, topic {found}")
