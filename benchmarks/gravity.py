@@ -103,6 +103,7 @@ def closures_between(
     for n, a in enumerate(names):
         for b in names[n + 1 :]:
             distance, near = cKDTree(truth[b].positions).query(truth[a].positions)
+            near = np.asarray(near)
             rows = np.flatnonzero(distance < reach_m)[::every]
             T = se3.between(truth[a].poses[rows], truth[b].poses[near[rows]])
             T = T @ se3.exp(rng.normal(size=(len(rows), 6)) * sigma)

@@ -45,7 +45,7 @@ def run(
     >>> result.metrics["filter"], result.metrics["pairs_kept"] <= result.metrics["pairs_total"]
     ('wiclosure', True)
     >>> result.merged["beta"]  # every scan of beta, in the frame of the map
-    Trajectory('beta', 20 poses, 3.8 s, 0.6 m)
+    Trajectory('beta', 20 poses, 3.8 s, 0.7 m)
 
     Args:
         data: a `dataset.yaml` or its folder, `scenario:NAME`, or recordings by the robot's name:

@@ -134,7 +134,7 @@ def test_radio_counts_only_where_it_is_asked_for(team_maker, tmp_path):
     write_g2o(optimise(team.odometry, closures, RADIO, heard), tmp_path / "graph.g2o")
     written = (tmp_path / "graph.g2o").read_text()
     assert written.count("\nEDGE_SE3:QUAT") == 2 * 59 + 6
-    assert "# 20 ranges and bearings, and what holds frames level, are not here" in written
+    assert "# 20 ranges and bearings, and what gravity tells, are not in this file" in written
     with pytest.raises(ValidationError, match="set optimiser: joint"):
         PoseGraphSettings(radio=True, optimiser="two-stage")
 

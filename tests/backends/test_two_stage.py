@@ -7,6 +7,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
 from wiclosure.backends.two_stage import placed_in_two_stages
+from wiclosure.types import EarthMeasurements
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 GNC = PoseGraphSettings(optimiser="two-stage")
@@ -21,7 +22,7 @@ def closures(team, a, b, count, seed=0):
 def placed(team, found, settings=GNC):
     """Which closures are inliers, in the order given, and the frames."""
     sets, _ = closure_sets(found, team.odometry, STATED)
-    masks, frames = placed_in_two_stages(team.odometry, sets, settings)
+    masks, frames = placed_in_two_stages(team.odometry, sets, settings, EarthMeasurements())
     inlier = np.zeros(len(found), bool)
     for closure_set, mask in zip(sets, masks, strict=True):
         inlier[closure_set.rows] = mask

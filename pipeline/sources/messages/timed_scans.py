@@ -72,7 +72,10 @@ class TimedScans:
         far = int(np.count_nonzero(~near))
         what = f"{far} of {len(points)} points of a scan lie beyond {FARTHEST_M / 1000:g} km"
         if not few(far, len(points)):
-            raise InputError(f"{what}: it is damaged, or not in metres from the sensor")
+            raise InputError(
+                f"{what}: it is damaged, or holds coordinates of a map; scans must be in the sensor's own"
+                " axes, in metres"
+            )
         if not self._is_far_said:
             logger.warning("%s: %s; such points are left out, here and in other scans", self._place, what)
             self._is_far_said = True

@@ -6,10 +6,11 @@ import contextlib
 import errno
 import os
 import pty
-import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,8 @@ from wiclosure.pipeline.cli import INTERRUPTED, app
 from wiclosure.pipeline.runtime import cache
 
 Call = Callable[..., tuple[int, str, str]]
+
+EXECUTABLE = str(Path(sys.executable).with_name("wiclosure"))  # that of the environment under test
 
 
 @pytest.fixture(autouse=True)
@@ -87,7 +90,7 @@ def test_how_commands_end(
 def test_a_shell_completes_commands_filters_and_presets(typed: str, offered: str) -> None:
     asked = {"_WICLOSURE_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
     found = subprocess.run(
-        [shutil.which("wiclosure") or "wiclosure"],
+        [EXECUTABLE],
         env={**os.environ, **asked},
         capture_output=True,
         text=True,
@@ -100,7 +103,7 @@ def test_a_shell_completes_commands_filters_and_presets(typed: str, offered: str
 def test_no_color_leaves_no_codes_on_a_terminal(words: tuple[str, ...]) -> None:
     screen, inner = pty.openpty()
     colourless = {**os.environ, "NO_COLOR": "1", "TERM": "xterm-256color"}
-    with subprocess.Popen(["wiclosure", *words], stdin=inner, stdout=inner, stderr=inner, env=colourless):
+    with subprocess.Popen([EXECUTABLE, *words], stdin=inner, stdout=inner, stderr=inner, env=colourless):
         os.close(inner)
         said = b""
         with contextlib.suppress(OSError):  # the other end is closed

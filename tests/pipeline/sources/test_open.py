@@ -157,7 +157,7 @@ def test_clouds_in_another_unit_are_refused_and_read_where_it_is_named(
 
 def test_clouds_of_a_map_are_refused(tmp_path: Path) -> None:
     path = cloud_files(tmp_path, around((4e5, 5e6, 0.0)), ".ply")
-    with pytest.raises(InputError, match="coordinates of a map; scans must be in the sensor's own axes"):
+    with pytest.raises(InputError, match="coordinates of a map; scans must be in the sensor's own"):
         list(open_source(path))
 
 
