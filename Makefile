@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help setup test test-slow lint demo docs bench browser report-bundle package release-check clean
+.PHONY: help setup test test-slow test-hours lint demo docs bench browser report-bundle package release-check clean
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -26,7 +26,10 @@ test: lint ## lint, and the quick tests
 	$(BIN)/pytest -m "not slow"
 
 test-slow: setup ## the tests that take longer: recorded drives, packaging
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m "slow and not hours"
+
+test-hours: setup ## thousands of mutated files for every reader, hundreds of full disks, kills and vanishing inputs
+	$(BIN)/pytest -m hours
 
 demo: setup ## simulate two robots, merge them with the wireless filter off and on
 	$(BIN)/wiclosure demo --out results/demo --overwrite

@@ -19,7 +19,7 @@ def printed(notebook: Any) -> str:
     """All text of all cells, without figures that may differ between machines."""
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     lines = "".join(output.get("text", "") for output in outputs).splitlines()
-    return "\n".join(re.sub(r"\d[\d.]*", "#", line) for line in lines if "Open3D" not in line)
+    return "\n".join(" ".join(re.sub(r"\d[\d.]*", " # ", line).split()) for line in lines if "Open3D" not in line)
 
 
 def test_its_outputs_are_committed_and_light() -> None:

@@ -13,6 +13,7 @@ SCRIPT = Path(__file__).with_name("inject.py")
 
 
 @pytest.mark.slow
+@pytest.mark.hours
 @pytest.mark.parametrize("seed", range(5))
 def test_nothing_is_lost_wrong_or_left(seed: int, tmp_path: Path) -> None:
     done = subprocess.run(

@@ -81,12 +81,14 @@ def test_a_few_of_each(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.hours
 @pytest.mark.parametrize("kind", TEXTS)
 def test_texts(kind: str, tmp_path: Path) -> None:
     fuzz([kind], 1000, SEED, tmp_path)
 
 
 @pytest.mark.slow
+@pytest.mark.hours
 @pytest.mark.parametrize("kind", BINARIES)
 def test_binaries(kind: str, tmp_path: Path) -> None:
     fuzz([kind], 200, SEED, tmp_path)
