@@ -29,7 +29,7 @@ def scored(fault: systematic.Fault, worlds: tuple[str, ...]) -> systematic.Score
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", systematic.FAULTS[:3], ids=lambda fault: fault.name)
 def test_honest_radio_stays_certain(fault: systematic.Fault) -> None:
-    """But where robots move in parallel along an aisle, or where reversed azimuths fit nearly as well: one pair here."""
+    """But where robots move in parallel along an aisle, or where reversed azimuths fit nearly as well, as one does."""
     score = scored(fault, ("site", "roaming"))
     assert score.certain >= 2 * TRIALS - 1
     assert score.wrong == 0
