@@ -101,9 +101,10 @@ def follow_drift(
         system = _system(yaw, w, mixture, prior, odometry, errors, value)
         step, by_errors = system.solved()
         step = step.reshape(-1, 4)
-        chain = _chain(yaw, w, links, odometry, errors, system).moved(step, by_errors)
+        linearised_at = yaw, w, links
         shrink = max(np.abs(step[:, 0]).max() / _MAX_STEP_RAD, np.abs(step[:, 1:]).max() / _MAX_STEP_M, 1.0)
         yaw, w, value = yaw + step[:, 0] / shrink, w + step[:, 1:] / shrink, value + by_errors / shrink
+    chain = _chain(*linearised_at, odometry, errors, system).moved(step, by_errors)
     links = errors.corrected(value)
     mixture = Mixture.of(links, rigid.radio)
     explanation = mixture.explain(seen_by_receiver(w[None], yaw[None], ~links.a_receives))
