@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -79,6 +79,22 @@ class Bag:
     read: Callable[[str], Iterator[RawMessage]]
     salvaged: bool = False
 
+    def topics_of(self, msgtype: str) -> list[str]:
+        """Topics that hold messages of a type of ROS."""
+        return [t.name for t in self.topics.values() if t.is_ros and t.msgtype == msgtype and t.count]
+
+    def require_topic_of(self, msgtype: str, requested: str) -> str:
+        """Name of a topic that holds messages of this type.
+
+        Raises:
+            InputError: no such topic, or of another type; names those that have.
+        """
+        name = topic_name(self.topics, requested)
+        if name not in (known := self.topics_of(msgtype)):
+            others = ", ".join(known) or "none"
+            raise InputError(f"{self.path} has no messages of {msgtype} on {requested}; topics that have: {others}")
+        return name
+
     def messages(self, topic: str) -> Iterator[tuple[int, object]]:
         """Time of reception and deserialised message, of each message of a topic.
 
@@ -97,6 +113,11 @@ class Bag:
                 logger.warning("left out %s", place)
             else:
                 yield stamp_ns, message
+
+
+def topic_name(topics: Collection[str], requested: str) -> str:
+    """As it stands in the bag: the slash that it begins with may be left out."""
+    return requested if requested in topics else f"/{requested.strip('/')}"
 
 
 def counted_topics(found: Iterable[tuple[FoundTopic, int]]) -> dict[str, BagTopic]:

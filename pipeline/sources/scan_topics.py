@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import BagTopic
+from wiclosure.pipeline.sources.bag import BagTopic, topic_name
 from wiclosure.pipeline.sources.messages.livox import LIVOX_TYPES
 from wiclosure.pipeline.sources.messages.ros_types import DRACO_TYPE, POINT_CLOUD_TYPE
 from wiclosure.suggestions import did_you_mean
@@ -63,7 +63,7 @@ def holds_scans(topic: BagTopic) -> bool:
 
 
 def _requested(path: Path, topics: Mapping[str, BagTopic], clouds: Mapping[str, BagTopic], requested: str) -> str:
-    name = requested if requested in topics else f"/{requested.strip('/')}"
+    name = topic_name(topics, requested)
     if name not in topics:
         raise InputError(f"{path} has no topic {requested}; {did_you_mean(name, topics)}{_choices(clouds)}")
     if name not in clouds:

@@ -15,8 +15,8 @@ from wiclosure.pipeline.data.navigation.imu_units import converted
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.navigation.gnss_topics import fix_topics, read_fix_topic
-from wiclosure.pipeline.sources.navigation.imu_topics import ImuReading, imu_topics, read_imu_topic
+from wiclosure.pipeline.sources.navigation.gnss_topics import FIX_TYPE, read_fix_topic
+from wiclosure.pipeline.sources.navigation.imu_topics import IMU_TYPE, ImuReading, read_imu_topic
 from wiclosure.pipeline.sources.navigation.oxts import oxts_folder, read_oxts_gnss, read_oxts_imu
 from wiclosure.pipeline.sources.navigation.tables import read_gnss_table, read_imu_table
 from wiclosure.pipeline.sources.poses.mounting import lidar_mount
@@ -52,7 +52,7 @@ def _imu_reading(recording: RobotRecording, *, salvage: bool) -> tuple[ImuReadin
     if bag_kind(place):
         if topic is None:
             with open_bag(place, salvage=salvage) as bag:
-                topics = imu_topics(bag)
+                topics = bag.topics_of(IMU_TYPE)
             if len(topics) > 1:
                 return None, f"its bag has the IMU topics {', '.join(topics)}; name one with imu_topic to use it"
             topic = topics[0] if topics else None
@@ -100,7 +100,7 @@ def _gnss_log(place: Path, topic: str | None, *, salvage: bool) -> GnssLog:
     if bag_kind(place):
         if topic is None:
             with open_bag(place, salvage=salvage) as bag:
-                topics = fix_topics(bag)
+                topics = bag.topics_of(FIX_TYPE)
             if len(topics) != 1:
                 raise InputError(f"{place}: name the topic of positions; there are: {', '.join(topics) or 'none'}")
             topic = topics[0]
@@ -115,5 +115,5 @@ def _unused_fixes(robot: str, scans: Path, *, salvage: bool) -> list[str]:
     if not bag_kind(scans):
         return []
     with open_bag(scans, salvage=salvage) as bag:
-        topics = fix_topics(bag)
+        topics = bag.topics_of(FIX_TYPE)
     return [f"{robot}: its bag has GNSS on {t}; gnss_topic: {t} in a dataset.yaml places the map" for t in topics[:1]]

@@ -10,7 +10,6 @@ from typing import Protocol, cast
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.stamps import Stamped, mended
@@ -38,11 +37,6 @@ class _Fix(Protocol):
     position_covariance_type: int
 
 
-def fix_topics(bag: Bag) -> list[str]:
-    """Topics of a bag that hold positions on the Earth."""
-    return [t.name for t in bag.topics.values() if t.is_ros and t.msgtype == FIX_TYPE and t.count]
-
-
 def read_fix_topic(path: Path, topic: str, *, salvage: bool = False) -> GnssLog:
     """All fixes of a topic; messages that say that there is none are left out and counted.
 
@@ -55,10 +49,7 @@ def read_fix_topic(path: Path, topic: str, *, salvage: bool = False) -> GnssLog:
         InputError: no such topic, of another type, or without one fix.
     """
     with open_bag(path, salvage=salvage) as bag:
-        name = topic if topic in bag.topics else f"/{topic.strip('/')}"
-        if name not in fix_topics(bag):
-            known = ", ".join(fix_topics(bag)) or "none"
-            raise InputError(f"{path} has no messages of {FIX_TYPE} on {topic}; topics that have: {known}")
+        name = bag.require_topic_of(FIX_TYPE, topic)
         messages = [(received_ns, cast("_Fix", message)) for received_ns, message in bag.messages(name)]
     place = f"{path}, topic {name}"
     fixes = [(received_ns, fix) for received_ns, fix in messages if fix.status.status >= 0 and _is_place(fix)]

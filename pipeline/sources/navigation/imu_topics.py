@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import Bag, RawMessage
+from wiclosure.pipeline.sources.bag import RawMessage
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.poses.frames import frame_name
 from wiclosure.pipeline.sources.stamps import Stamped, mended
@@ -18,14 +18,11 @@ from wiclosure.types import FloatArray, ImuLog
 logger = logging.getLogger(__name__)
 
 IMU_TYPE = "sensor_msgs/msg/Imu"
-_NUMBERS = (
-    37  # at the end of every message: orientation (4), turning rate (3) and acceleration (3), 9 of covariance each
-)
+# At the end of every message: orientation (4), turning rate (3) and acceleration (3), 9 of covariance each.
+_NUMBERS = 37
 _RATE, _ACCELERATION = slice(13, 16), slice(25, 28)
 _STAMP = slice(4, 12)  # seconds and nanoseconds: after the sequence number of ROS 1, or the encoding of ROS 2
-
-
-_FASTEST_RAD_S, _STRONGEST_M_S2 = 1e3, 1e4  # a thousand times what robots bear
+FASTEST_RAD_S, STRONGEST_M_S2 = 1e3, 1e4  # a thousand times what robots bear
 
 
 class ImuReading(NamedTuple):
@@ -34,11 +31,6 @@ class ImuReading(NamedTuple):
     log: ImuLog
     frame: str = ""
     T_lidar_imu: FloatArray | None = None
-
-
-def imu_topics(bag: Bag) -> list[str]:
-    """Topics of a bag that hold inertial measurements."""
-    return [t.name for t in bag.topics.values() if t.is_ros and t.msgtype == IMU_TYPE and t.count]
 
 
 def read_imu_topic(path: Path, topic: str, *, salvage: bool = False) -> ImuReading:
@@ -53,10 +45,7 @@ def read_imu_topic(path: Path, topic: str, *, salvage: bool = False) -> ImuReadi
         InputError: no such topic, of another type, or without one proper message.
     """
     with open_bag(path, salvage=salvage) as bag:
-        name = topic if topic in bag.topics else f"/{topic.strip('/')}"
-        if name not in imu_topics(bag):
-            known = ", ".join(imu_topics(bag)) or "none"
-            raise InputError(f"{path} has no messages of {IMU_TYPE} on {topic}; topics that have: {known}")
+        name = bag.require_topic_of(IMU_TYPE, topic)
         messages = list(bag.read(name))
     return _samples(messages, f"{path}, topic {name}")
 
@@ -73,8 +62,8 @@ def _samples(messages: list[RawMessage], place: str) -> ImuReading:
     seconds = np.frombuffer(b"".join(raw[_STAMP] for _, raw in whole), f"{order}u4").reshape(-1, 2).astype(np.int64)
     stamps_ns = (seconds[:, 0] * 10**9 + seconds[:, 1]).tolist()
     # NaN is not below anything, either.
-    good = (np.abs(numbers[:, _RATE]) < _FASTEST_RAD_S).all(axis=1)
-    good &= (np.abs(numbers[:, _ACCELERATION]) < _STRONGEST_M_S2).all(axis=1)
+    good = (np.abs(numbers[:, _RATE]) < FASTEST_RAD_S).all(axis=1)
+    good &= (np.abs(numbers[:, _ACCELERATION]) < STRONGEST_M_S2).all(axis=1)
     rows = np.flatnonzero(good).tolist()
     if bad := len(messages) - len(rows):
         logger.warning("%s: %d of %d messages hold no numbers and were left out", place, bad, len(messages))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.bag import Bag
+from wiclosure.pipeline.sources.bag import Bag, topic_name
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.poses.frames import TF_TYPES, TransformStamped, frame_name
@@ -199,7 +199,7 @@ def _topic_and_frames(topic: str) -> tuple[str, tuple[str, str] | None]:
 
 
 def _topic_of_poses(bag: Bag, topic: str) -> str:
-    name = topic if topic in bag.topics else f"/{topic.strip('/')}"
+    name = topic_name(bag.topics, topic)
     if name not in bag.topics:
         known = [f"{t.name} ({t.msgtype})" for t in bag.topics.values() if t.msgtype in POSE_TYPES and t.is_ros]
         raise InputError(f"{bag.path} has no topic {topic}; its topics of poses: {', '.join(known) or 'none'}")
