@@ -9,6 +9,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
 
@@ -118,7 +120,7 @@ def test_a_lost_scheduler_is_one_line(while_waiting: bool, labour: ModuleType, t
 
 @contextmanager
 def scheduler_and_worker(
-    folder: Path, *options: str
+    folder: Path, *options: str, protocol: str = "tcp"
 ) -> Iterator[tuple[subprocess.Popen[bytes], str, subprocess.Popen[bytes]]]:
     """As users start them, at a port that is free; the scheduler, its address, and the worker."""
     pytest.importorskip("distributed")
@@ -131,9 +133,9 @@ def scheduler_and_worker(
         return started[-1]
 
     try:
-        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0")
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--protocol", protocol)
         _until(told, 60.0)
-        worker = start("worker", "--nthreads", "1", "--host", "127.0.0.1")
+        worker = start("worker", "--nthreads", "1", "--host", "127.0.0.1", "--protocol", protocol)
         yield scheduler, _address(told), worker
     finally:
         for process in started:
@@ -169,6 +171,58 @@ def test_tls_files_are_three_and_there(tmp_path: Path) -> None:
         TlsFiles.of_words("ca.pem")
     with pytest.raises(ConfigError, match=r"ca\.pem is not a file"):
         TlsFiles.of_words(",".join(str(tmp_path / name) for name in ("ca.pem", "cert.pem", "key.pem")))
+
+
+@pytest.mark.slow
+def test_tls_needs_the_files_that_the_scheduler_trusts(labour: ModuleType, tmp_path: Path) -> None:
+    ours, theirs = tls_files(tmp_path / "ours"), tls_files(tmp_path / "theirs")
+    options = ["--tls-ca-file", str(ours.ca), "--tls-cert", str(ours.certificate), "--tls-key", str(ours.key)]
+    with scheduler_and_worker(tmp_path, *options, protocol="tls") as (_, address, _):
+        assert address.startswith("tls://127.0.0.1:")
+        words = ",".join(str(path) for path in (ours.ca, ours.certificate, ours.key))
+        with cluster(address, TlsFiles.of_words(words)) as connected:
+            found = dict(connected.each(labour.solve, range(3)))
+        assert [found[seed].tobytes() for seed in range(3)] == [labour.solve(seed).tobytes() for seed in range(3)]
+        for strangers in (theirs, None):
+            with (
+                pytest.raises(ConfigError, match=r"no scheduler answers at tls://.*; see --cluster and --cluster-tls"),
+                cluster(address, strangers),
+            ):
+                pass
+
+
+def tls_files(folder: Path) -> TlsFiles:
+    """An authority that signs itself, and a certificate for this machine that it signs."""
+    x509 = pytest.importorskip("cryptography.x509")
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    folder.mkdir()
+    of_authority, own = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    authority = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "authority")])
+    machine = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "127.0.0.1")])
+    now = datetime.now(UTC)
+    for name, subject, key, is_authority in (
+        ("ca.pem", authority, of_authority, True),
+        ("cert.pem", machine, own, False),
+    ):
+        signed = (
+            x509.CertificateBuilder()
+            .subject_name(subject)
+            .issuer_name(authority)
+            .public_key(key.public_key())
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(now - timedelta(hours=1))
+            .not_valid_after(now + timedelta(hours=1))
+            .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+            .add_extension(x509.BasicConstraints(ca=is_authority, path_length=None), critical=True)
+            .sign(of_authority, hashes.SHA256())
+        )
+        (folder / name).write_bytes(signed.public_bytes(serialization.Encoding.PEM))
+    (folder / "key.pem").write_bytes(
+        own.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    )
+    return TlsFiles(folder / "ca.pem", folder / "cert.pem", folder / "key.pem")
 
 
 def test_without_dask_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
