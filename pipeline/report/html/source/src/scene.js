@@ -41,7 +41,8 @@ export async function scene3d(run, onClosure) {
   const pickable = [];
   const map = await mapPoints(run);
   if (map) groups.map.add(map.points);
-  for (const robot of run.robots) await addRobot(robot, groups, pickable);
+  const apart = sideBySide();
+  for (const robot of run.robots) await addRobot(robot, groups, pickable, apart);
   addClosures(run, groups, pickable);
   await addRadio(run, groups, pickable);
 
@@ -113,7 +114,7 @@ export async function scene3d(run, onClosure) {
     recolour();
   };
   return { node: el("div", {}, controlsBar({ run, groups, map, draw, look }), frame, el("p", { class: "note hands-on" },
-    "Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at a keyframe, closure or link to see what it is; click a closure to see its scans.")), highlight };
+    `Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at ${run.closures.length ? "a keyframe, closure or link to see what it is; click a closure to see its evidence" : "a keyframe or link to see what it is"}.`)), highlight };
 }
 
 function orbit(camera, canvas) {
@@ -253,10 +254,25 @@ function segments(ends, colour, linewidth) {
   return lines;
 }
 
-async function addRobot(robot, groups, pickable) {
+// Moves each path to the right of those before it.
+function sideBySide() {
+  let edge = 0;
+  return (xyz) => {
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (let i = 0; i < xyz.length; i++) if (i % 3 < 2) [low[i % 3], high[i % 3]] = [Math.min(low[i % 3], xyz[i]), Math.max(high[i % 3], xyz[i])];
+    for (let i = 0; i < xyz.length; i += 3) {
+      xyz[i] += edge - low[0];
+      xyz[i + 1] -= (low[1] + high[1]) / 2;
+    }
+    edge += 1.15 * (high[0] - low[0]) + 2;
+  };
+}
+
+async function addRobot(robot, groups, pickable, apart) {
   const number = groups.paths.children.length;
   const [merged, odometry, keyframes, times, truth] = await Promise.all(
     [robot.merged, robot.odometry, robot.keyframes, robot.keyframe_times, robot.truth].map(decode));
+  apart(odometry);
   groups.paths.add(path(merged, robot.colour, 3, number));
   groups.before.add(path(odometry, robot.colour, 3, number));
   const dots = new Points(positions(keyframes), new PointsMaterial({ size: 6, sizeAttenuation: false, color: robot.colour }));
