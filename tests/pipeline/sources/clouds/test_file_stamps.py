@@ -53,6 +53,14 @@ def test_dates_in_any_unit(unit_ns: int, prefix: str) -> None:
     assert stamps([f"{prefix}{ns // unit_ns}" for ns in expected]) == expected
 
 
+@pytest.mark.parametrize("prefix", ["", "scan_"])
+def test_ticks_since_1601_and_in_ten_microseconds(prefix: str) -> None:
+    filetimes = [f"{prefix}{133_444_736_000_000_000 + k * 10**6}" for k in range(25)]
+    assert stamps(filetimes) == TENTHS
+    assert "filetime" in stamps_of_names(filetimes).how
+    assert stamps([f"{prefix}{ns // 10**4}" for ns in TENTHS]) == TENTHS
+
+
 @given(st.lists(st.integers(0, 99_999), min_size=1, max_size=50, unique=True), st.sampled_from(["", "scan_", "f-"]))
 def test_frame_numbers_padded_or_not(numbers: list[int], prefix: str) -> None:
     for width in (1, 6):
