@@ -44,12 +44,27 @@ def stamps_of_names(names: Sequence[str]) -> FileStamps:
     """
     if (dated := _dates(names)) is not None:
         return dated
-    parts = [re.split(r"([0-9]+)", name) for name in names]
+    parts = [re.split(r"([0-9]+)", name) for name in _with_fractions(names)]
     if len({tuple(part[0::2]) for part in parts}) == 1:
         words = parts[0][0::2]
         numbers = [[part[column] for part in parts] for column in range(1, len(parts[0]), 2)]
         return _by_numbers(words, numbers)
     return _counted(len(names), "natural order of their names")
+
+
+_SECONDS = re.compile(
+    r"(?P<before>.*?)(?P<seconds>(?<!\d)\d{9,10})(?:(?P<point>[._-])(?P<fraction>\d+))?(?P<after>\D*)"
+)
+
+
+def _with_fractions(names: Sequence[str]) -> Sequence[str]:
+    """The names, `.0` put into those of whole seconds where others have a fraction: `%g` drops it."""
+    found = [match for name in names if (match := _SECONDS.fullmatch(name)) is not None]
+    points = {match["point"] for match in found} - {None}
+    if len(found) < len(names) or len(points) != 1 or all(match["point"] for match in found):
+        return names
+    (point,) = points
+    return [f"{m['before']}{m['seconds']}{point}{m['fraction'] or '0'}{m['after']}" for m in found]
 
 
 _DATE = re.compile(

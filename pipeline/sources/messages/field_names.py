@@ -34,13 +34,32 @@ _TIMES = (
     "timediff",
     "gpstime",
     "utime",
+    "ptime",
+    "trel",
+    "lasertime",
+    "delay",
     "tof",  # times of flight, as a rule: see `are_of_flight`
 )
-_UNITS = ("ns", "nsec", "nanosec", "nanoseconds", "us", "usec", "ms", "msec", "s", "sec", "seconds")
+_UNITS = (
+    "ns",
+    "100ns",
+    "10us",
+    "100us",
+    "nsec",
+    "nanosec",
+    "nanoseconds",
+    "us",
+    "usec",
+    "ms",
+    "msec",
+    "s",
+    "sec",
+    "seconds",
+)
 _INTENSITIES = ("intensity", "i", "reflectivity", "reflectance", "remission", "intensities", "amplitude")
 _AS_RANGES = 0.99  # correlation, with what few digits leave of it
 _FEWEST = 20  # points; among fewer it may be chance
-_LIKE_TIME = re.compile(r"time|stamp|latency|clock|secs?$|seconds?$|(^|_)(ts|tof|tick|ticks|t|dt)(_|$)|offset")
+_LIKE_TIME = re.compile(r"time|stamp|latency|clock|secs?$|seconds?$|(^|_)(ts|tof|tick|ticks|t|dt|delay)(_|$)|offset")
 
 
 def plain(name: str) -> str:

@@ -74,6 +74,16 @@ def test_names_without_order_of_their_own() -> None:
     assert stamps(["b_1_2", "b_2_1"]) == [0, 10**8]
 
 
+@pytest.mark.parametrize("separator", [".", "_"])
+@pytest.mark.parametrize("prefix", ["", "scan_"])
+def test_whole_seconds_may_have_lost_their_fraction(separator: str, prefix: str) -> None:
+    names = [f"{prefix}{START_S + k // 10}" + (f"{separator}{k % 10}" if k % 10 else "") for k in range(25)]
+    assert (
+        stamps(names if separator == "." else [n + "00000000" * (n.count("_") > prefix.count("_")) for n in names])
+        == TENTHS
+    )
+
+
 def test_natural_order() -> None:
     names = ["s10.bin", "s9.bin", "s1.bin", "s010b.bin", "a.bin"]
     assert sorted(names, key=natural) == ["a.bin", "s1.bin", "s9.bin", "s010b.bin", "s10.bin"]
