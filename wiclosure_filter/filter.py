@@ -27,6 +27,7 @@ from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
 from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.rereading import reread
 from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
@@ -78,7 +79,7 @@ class WiClosureFilter:
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         kept = self.search(shared)
         pairs = tuple(
-            kept[pair] if pair in kept else self._unjoined(pair, trajectories, links, alignments.get(pair))
+            kept[pair] if pair in kept else self._unjoined(pair, trajectories, wireless, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
         )
         # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
@@ -183,6 +184,7 @@ class WiClosureFilter:
         self,
         pair: RobotPair,
         trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
         links: Mapping[RobotPair, Links],
         alignment: FrameAlignment | None,
     ) -> CandidatePairs:
@@ -197,8 +199,13 @@ class WiClosureFilter:
             return CandidatePairs.without_prediction(a, b, none, none)
         both = {robot: trajectories[robot] for robot in pair}
         if alignment is not None:
-            gate = make_gate(self.settings.gate)
-            alternatives = AlternativeEstimates.of(alignment, lambda one: self.share(both, links, [one]), gate)
+            gate, limits = make_gate(self.settings.gate), GatheringLimits.of(self.settings.alignment)
+
+            def shared(one: FrameAlignment) -> SharedTrajectory:
+                read, own = reread(one, links[pair], both, wireless, limits)
+                return self.share(both, {pair: own}, [read])
+
+            alternatives = AlternativeEstimates.of(alignment, shared, gate)
             if alternatives is not None:
                 parts = [find_overlap(model, gate) for model in alternatives.models(a, b, gate)]
                 return self._kept(pair, KeptPairs.united(parts), alternatives)

@@ -14,6 +14,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AoaFrame, FloatArray, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunder
 
 RadioInputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
 _Measurement: TypeAlias = WirelessMeasurement
@@ -57,6 +58,17 @@ def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction
     if any(m.paths for m in log.measurements):
         possible += _of_azimuths(log)
     return possible
+
+
+def undone(blunder: Blunder, robot_a: str, robot_b: str) -> Correction:
+    """What undoes a blunder that two robots' measurements cannot tell from none."""
+    if blunder.swapped:
+        return swapped({robot_a: robot_b, robot_b: robot_a})
+    turned = _azimuths(blunder.clause, blunder.sign, blunder.offset_rad)
+    scaled = _each(
+        blunder.clause, lambda m: m if m.range_m is None else replace(m, range_m=blunder.range_scale * m.range_m)
+    )
+    return replace(turned, apply=lambda inputs: scaled.apply(turned.apply(inputs)))
 
 
 def azimuths_off(angle_rad: float) -> Correction:
