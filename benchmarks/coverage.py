@@ -3,9 +3,10 @@
     python benchmarks/coverage.py [--trials 100] [--seed 1]
 
 Worlds and radio are those of `systematic_worlds.py`; biases, scales and clocks are drawn from the priors of the
-calibration, odometry drifts as its model says.  A row tells, for alignments that are called certain, how often the stated 90 %
-region holds the truth: of yaw and place at the middle of the meeting (`alignment`), and of the horizontal displacement
-of kept pairs that were near each other in time (`prediction`), which is what the gate and the registration use.
+calibration, odometry drifts as its model says.  A row tells, for alignments that are called certain, how often the
+stated 90 % region holds the truth: of yaw and place at the middle of the meeting (`alignment`), and of the horizontal
+displacement of kept pairs that were near each other in time (`prediction`), which is what the gate and the registration
+use.
 """
 
 from __future__ import annotations
