@@ -161,7 +161,12 @@ class Blunders:
         """The alignment under a blunder; `claimed` is the one without, which keeps the same paths and the height."""
         turn, shift = self.transforms[row]
         place = np.array([shift.real, shift.imag, claimed.T_a_b[2, 3]])
-        return replace(claimed, T_a_b=se3.from_yaw(np.angle(turn), place), blunder=self.readings[row].clause)
+        return replace(
+            claimed,
+            T_a_b=se3.from_yaw(np.angle(turn), place),
+            log_likelihood=claimed.log_likelihood + float(self.chi2[0] - self.chi2[row]) / 2,
+            blunder=self.readings[row].clause,
+        )
 
 
 def _measured(by_alignment: FloatArray, mixture: Mixture, explanation: Explanation) -> FloatArray:

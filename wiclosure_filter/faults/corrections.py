@@ -36,6 +36,7 @@ class Correction:
         apply: corrected trajectories and log.
         log_scale: natural logarithm of the factor on every range: densities over ranges are compared in one unit.
         log_prior: natural logarithm of how likely it is beside the others; an offset that was fitted could be any.
+        whole_log: true for conventions and units: whoever wrote the log wrote all of it so.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
     """
 
@@ -44,19 +45,20 @@ class Correction:
     of_log: bool = True
     log_scale: float = 0.0
     log_prior: float = 0.0
+    whole_log: bool = False
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
     """All that are tried for two robots, of whose measurements `log` tells."""
     possible = [*_of_odometry(robot_a), *_of_odometry(robot_b), *_of_clocks(robot_a, robot_b)]
     possible.append(swapped({robot_a: robot_b, robot_b: robot_a}))
-    possible += [sigmas_too_small(factor) for factor in (3.0, 10.0)]
+    possible += [replace(sigmas_too_small(factor), whole_log=True) for factor in (3.0, 10.0)]
     if log.headings:
         possible.append(_without_compasses())
     if any(m.range_m is not None for m in log.measurements):
-        possible += [_ranges_in(unit, metres) for unit, metres in _UNITS_M.items()]
+        possible += [replace(_ranges_in(unit, metres), whole_log=True) for unit, metres in _UNITS_M.items()]
     if any(m.paths for m in log.measurements):
-        possible += _of_azimuths(log)
+        possible += [replace(convention, whole_log=True) for convention in _of_azimuths(log)]
     return possible
 
 
