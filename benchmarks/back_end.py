@@ -1,6 +1,6 @@
 """The back end against its goals: recorded and simulated graphs, false closures, speed, calibration.
 
-    python benchmarks/back_end.py [--only ROW ...] [--seeds 20] [--graphs NAME ...]
+    python benchmarks/back_end.py [--only ROW ...] [--seeds 20] [--first-seed 20001] [--graphs NAME ...]
 
 Each row prints what was measured and the goal.  Recorded graphs and trajectories come from `WICLOSURE_DATA`.
 """
@@ -434,6 +434,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=list(ROWS), nargs="+", default=list(ROWS))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first-seed", type=int, default=back_end_graphs.FIRST_SEED, help="of made graphs, false loops")
     parser.add_argument("--graphs", nargs="+", help="parts of names; only graphs that have one of them")
     arguments = parser.parse_args()
     for name in arguments.only:
