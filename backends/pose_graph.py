@@ -189,7 +189,7 @@ def _decide(
     team = TeamArrays.of(trajectories, _numbered(sets), np.zeros(rows, bool))
     groups = components(list(trajectories), sets)
     limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
-    start = better_start(team, groups, rigid, limit)
+    start = better_start(team, groups, rigid)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
     known, loops = team.robots.odometry, team.robots.loops
     mask, poses = graduated(known, loops, start, held, limit)

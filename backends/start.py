@@ -10,16 +10,13 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.edges import System
-from wiclosure.backends.settling import truncated_cost
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.types import FloatArray
 
 logger = logging.getLogger(__name__)
 
 
-def better_start(
-    team: TeamArrays, groups: Sequence[Sequence[str]], rigid: Mapping[str, FloatArray], limit: float
-) -> FloatArray:
+def better_start(team: TeamArrays, groups: Sequence[Sequence[str]], rigid: Mapping[str, FloatArray]) -> FloatArray:
     """Node poses `(N, 4, 4)`: of odometry placed rigidly and chordal initialisation the one that costs less.
 
     Each group of connected robots by itself; its first robot's first keyframe stays where `rigid` has it.
@@ -38,8 +35,7 @@ def better_start(
         if found is None:
             continue
         chordal[members] = found[members]
-        known = int(inside[:count].sum())
-        costs = [truncated_cost(system.chi_squares(poses)[inside], known, limit) for poses in (start, chordal)]
+        costs = [system.chi_squares(poses)[inside].sum() for poses in (start, chordal)]
         if costs[1] < costs[0]:
             start[members] = chordal[members]
     return start

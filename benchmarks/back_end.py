@@ -434,7 +434,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=list(ROWS), nargs="+", default=list(ROWS))
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first-seed", type=int, default=back_end_graphs.FIRST_SEED, help="of made graphs, false loops")
+    parser.add_argument(
+        "--first-seed", type=int, default=back_end_graphs.FIRST_SEED, help="of made graphs, false loops"
+    )
     parser.add_argument("--graphs", nargs="+", help="parts of names; only graphs that have one of them")
     arguments = parser.parse_args()
     for name in arguments.only:

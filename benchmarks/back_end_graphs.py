@@ -216,7 +216,10 @@ def drawn(arguments: argparse.Namespace) -> None:
     graphs = max(arguments.seeds, 5) * 10
     for robots in (2, 5):
         for count in (3, 10, 30, 100, 200):
-            shares = [_share_kept(*_wanderers(seed, robots, count)) for seed in range(arguments.first_seed, arguments.first_seed + graphs)]
+            shares = [
+                _share_kept(*_wanderers(seed, robots, count))
+                for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+            ]
             print(
                 f"{count} true closures per joined pair of {robots} robots, {graphs} graphs: accepted in"
                 f" {np.mean(np.array(shares) > 0):.1%} (goal 99 %), {np.mean(shares):.1%} of closures (goal 97 %)",
@@ -225,10 +228,16 @@ def drawn(arguments: argparse.Namespace) -> None:
             graphs = max(10, graphs // 2)
         graphs = max(arguments.seeds, 5) * 10
     for count in (2, 5, 10, 30, 100, 400):
-        bad = sum(_share_kept(*_unrelated(seed, count)) > 0 for seed in range(arguments.first_seed, arguments.first_seed + graphs))
+        bad = sum(
+            _share_kept(*_unrelated(seed, count)) > 0
+            for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+        )
         print(f"{count} random closures, {graphs} graphs: something accepted in {bad} (goal 1 %)", flush=True)
     for count in (3, 5, 8):
-        bad = sum(_share_kept(*_look_alike(seed, count)) > 0 for seed in range(arguments.first_seed, arguments.first_seed + graphs))
+        bad = sum(
+            _share_kept(*_look_alike(seed, count)) > 0
+            for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+        )
         print(f"{count} closures of one look-alike place, {graphs} graphs: accepted in {bad} (goal 0)", flush=True)
 
 
