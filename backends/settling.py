@@ -24,7 +24,7 @@ MU_GROWTH = 1.4  # of mu
 MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
-NEAREST = 5  # outliers, whose distance says how densely false closures lie around what the others predict
+NEAREST = 5  # outliers at least, up to the distance of which they are counted
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
 
 
@@ -66,8 +66,8 @@ def outlier_limit(closures: int, probability: float, degrees: int = DEGREES) -> 
 def fewest_errors(inliers: int, outliers: FloatArray, limit: float, degrees: int = DEGREES) -> float:
     """Squared distance, up to `limit`, that leaves the fewest true closures beyond it and false ones within.
 
-    True ones are distributed as `outlier_limit` has it.  False ones are as dense around the prediction as between it
-    and the nearest outliers, so that their number grows with the volume of the ellipsoid.
+    True ones are distributed as `outlier_limit` has it.  False ones are as dense around the prediction as beyond the
+    limit, as far as there are some: their number grows with the volume of the ellipsoid.
 
     Args:
         inliers: how many closures are within the limit.
@@ -79,8 +79,9 @@ def fewest_errors(inliers: int, outliers: FloatArray, limit: float, degrees: int
         return limit
     freedom = SAMPLES - degrees + 1
     bounds = limit * np.linspace(0.1, 1.0, 91)
-    nearest = np.sort(outliers)[:NEAREST]
-    false = len(nearest) * (bounds / nearest[-1]) ** (degrees / 2)
+    farthest = max(2.0 * limit, float(np.sort(outliers)[:NEAREST][-1]))
+    volume = farthest ** (degrees / 2) - limit ** (degrees / 2)
+    false = (outliers <= farthest).sum() / volume * bounds ** (degrees / 2)
     true = inliers * f.sf(bounds / degrees, degrees, freedom)
     return float(bounds[np.argmin(true + false)])
 
