@@ -13,11 +13,11 @@ from wiclosure.types import FloatArray
 
 SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
-SPANNED_LESS = 0.01  # share of the sets of closures at any places that span less than `least_span`
+SPANNED_LESS = 0.005  # share of the sets of closures at any places that span less than `least_span`
 
 
 def least_span(closures: int) -> float:
-    """Share of both paths that so many closures at any places of them span in 99 of 100 sets.
+    """Share of both paths that all but `SPANNED_LESS` of the sets of so many closures at any places of them span.
 
     Of n places drawn from a path, the range is less than the share s with probability `n s^(n-1) - (n-1) s^n`.
     """
