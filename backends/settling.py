@@ -7,6 +7,7 @@ pulls the estimate to itself, and its own residual would not tell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,18 +88,20 @@ def fewest_errors(inliers: int, outliers: FloatArray, limit: float, degrees: int
 
 
 def graduated(
-    odometry: Edges, loops: Edges, poses: FloatArray, held: IntArray, limit: float
+    odometry: Edges, loops: Edges, starts: Sequence[FloatArray], held: IntArray, limit: float
 ) -> tuple[BoolArray, FloatArray]:
     """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
 
     Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
-    the plain solution are within the limit, that is the answer; and where it costs less than what came of the steps.
+    the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
+    from the last start, and it is the answer where it costs less than what came of them.
     """
-    system, count = System.of(odometry + loops, len(poses), held), len(odometry)
-    plain = poses = system.solved(poses)
-    chi_square = system.chi_squares(poses)[count:]
-    if (chi_square <= limit).all():
-        return np.ones(len(loops), bool), poses
+    system, count = System.of(odometry + loops, len(starts[0]), held), len(odometry)
+    for start in starts:
+        plain = poses = system.solved(start)
+        chi_square = system.chi_squares(poses)[count:]
+        if (chi_square <= limit).all():
+            return np.ones(len(loops), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
     for _ in range(MOST_GNC_STEPS):
         weights = _truncated_weights(chi_square, limit, mu)

@@ -110,14 +110,14 @@ def test_a_scale_of_sigma_divides_distances_by_its_square():
 def test_gnc_finds_the_inliers_from_odometry_alone():
     odometry, loops, poses, truth = path(3)
     wrong = [0, 3, 4, 8, 11]
-    inlier, found = graduated(odometry, spoiled(loops, wrong), poses, HELD, LIMIT)
+    inlier, found = graduated(odometry, spoiled(loops, wrong), [poses], HELD, LIMIT)
     assert np.flatnonzero(~inlier).tolist() == wrong
     assert_same(found, truth, 0.3)
 
 
 def test_gnc_keeps_all_where_the_plain_answer_fits():
     odometry, loops, poses, truth = path(4, noise=0.0)
-    inlier, found = graduated(odometry, loops, poses, HELD, LIMIT)
+    inlier, found = graduated(odometry, loops, [poses], HELD, LIMIT)
     assert inlier.all()
     assert_same(found, truth, 1e-6)
 
