@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
@@ -47,6 +48,7 @@ class OdometryResult:
         counts: scans in, scans left out.
         seconds: wall time of following the scans.
         seconds_reading: wall time of waiting for them.
+        intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
     """
 
     stamps_ns: IntArray
@@ -57,12 +59,14 @@ class OdometryResult:
     counts: FrontEndCounts
     seconds: float
     seconds_reading: float
+    intensities: tuple[NDArray[np.float16], ...] | None = None
 
     def __repr__(self) -> str:
         return f"OdometryResult({len(self.poses)} of {self.counts.scans} scans followed, {len(self.clouds)} keyframes)"
 
     def save(self, path: Path) -> None:
         """Writes one `.npz` file: all clouds in one array, with offsets."""
+        known = {} if self.intensities is None else {"intensities": np.concatenate(self.intensities)}
         _save(
             path,
             stamps_ns=self.stamps_ns,
@@ -74,6 +78,7 @@ class OdometryResult:
             counts=np.array(astuple(self.counts)),
             seconds=np.array(self.seconds),
             seconds_reading=np.array(self.seconds_reading),
+            **known,
         )
 
     @classmethod
@@ -84,15 +89,17 @@ class OdometryResult:
             InputError: the file is missing, damaged or of something else.
         """
         with _content(path, "is not a saved odometry") as content:
+            inner, intensities = content["offsets"][1:-1], content.get("intensities")
             return cls(
                 stamps_ns=content["stamps_ns"],
                 scan_stamps_ns=content["scan_stamps_ns"],
                 poses=content["poses"],
                 keyframe_indices=content["keyframe_indices"],
-                clouds=tuple(np.split(content["points"], content["offsets"][1:-1])),
+                clouds=tuple(np.split(content["points"], inner)),
                 counts=FrontEndCounts(*content["counts"].tolist()),
                 seconds=float(content["seconds"]),
                 seconds_reading=float(content["seconds_reading"]),
+                intensities=None if intensities is None else tuple(np.split(intensities, inner)),
             )
 
 
@@ -144,6 +151,7 @@ class FrontEndResult:
         seconds_odometry: wall time of odometry and clouds.
         seconds_descriptors: wall time of describing them.
         slips: steps of the odometry that count as unknown by how far they are off.
+        intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
     """
 
     robot: str
@@ -158,6 +166,7 @@ class FrontEndResult:
     seconds_odometry: float
     seconds_descriptors: float
     slips: Slips = field(default_factory=Slips.none)
+    intensities: tuple[NDArray[np.float16], ...] | None = None
 
     def __repr__(self) -> str:
         scans, length_m = len(self.odometry), self.odometry.distance[-1]
@@ -182,6 +191,7 @@ class FrontEndResult:
             seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
             slips=slips,
+            intensities=followed.intensities,
         )
 
     def slipping(self, more: Slips) -> Self:
