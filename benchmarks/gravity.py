@@ -236,11 +236,6 @@ ROWS: dict[str, Callable[[argparse.Namespace], None]] = {
     "loops": own_loops,
     "moving": moving_objects,
 }
-    "imu": imu,
-    "kitti08": kitti_08,
-    "loops": own_loops,
-    "moving": moving_objects,
-}
 
 
 def main() -> None:
