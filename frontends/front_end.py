@@ -13,7 +13,7 @@ from wiclosure.errors import InputError
 from wiclosure.frontends.config import KeyframeSettings, OdometrySettings, ScanContextSettings
 from wiclosure.frontends.elevation import elevation_corrected
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
-from wiclosure.frontends.keyframes import KeyframeCollector
+from wiclosure.frontends.keyframes import KeyframeCollector, Registered
 from wiclosure.frontends.odometry import make_odometry
 from wiclosure.frontends.scan_context import describe
 from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
@@ -125,6 +125,7 @@ class OdometryRun:
                 poses=poses,
                 keyframe_indices=kept.indices,
                 clouds=kept.clouds,
+                intensities=kept.intensities,
                 counts=counts,
                 seconds=self._seconds,
                 seconds_reading=self._seconds_reading,
@@ -158,7 +159,9 @@ class OdometryRun:
         self._poses.append(T_odom_body)
         self._holds.append(self._odometry.hold)
         index = len(self._poses) - 1
-        chosen = [kept.add(index, T_odom_body, points, self._odometry) for kept in self._keyframes]
+        intensity = None if scan.intensity is None else scan.intensity[self._odometry.kept]
+        registered = Registered(T_odom_body, points, intensity)
+        chosen = [kept.add(index, registered, self._odometry) for kept in self._keyframes]
         return chosen[0]
 
 

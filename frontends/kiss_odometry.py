@@ -9,20 +9,17 @@ import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
-from kiss_icp.preprocess import Preprocessor
 
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.hold import HoldingRegistration
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times
+from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
 from wiclosure.interfaces import Hold
-from wiclosure.types import FloatArray, Scan
+from wiclosure.types import BoolArray, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
-
-_NO_TIMES = np.zeros(0)
 
 # Stamps jitter: a sweep within this share of the time between scans is taken to fill it, as KISS-ICP assumes.
 _JITTER = 0.25
@@ -60,6 +57,17 @@ class KissOdometry:
         points, _ = self._kiss.register_frame(scan.points, times)
         self._last_stamps_ns = (*self._last_stamps_ns[-1:], stamp_ns)
         return stamp_ns, np.array(self._kiss.last_pose), points
+
+    @property
+    def kept(self) -> BoolArray:
+        """`(M,)` which of the last scan's points were returned.
+
+        Raises:
+            ValueError: no scan was registered yet.
+        """
+        if self._kiss is None:
+            raise ValueError("no scan was registered yet")
+        return self._kiss.preprocessor.kept
 
     @property
     def hold(self) -> Hold:
@@ -103,7 +111,7 @@ class KissOdometry:
                 ),
             )
         )
-        kiss.preprocessor = _SweepPreprocessor(kiss.preprocessor)
+        kiss.preprocessor = _SweepPreprocessor(settings)
         kiss.registration = HoldingRegistration(kiss.registration, lambda: kiss.frame_downsample, self.voxel_size_m)
         kiss.adaptive_threshold = _BoundedThreshold(kiss.adaptive_threshold, _SEARCHED_VOXELS * self.voxel_size_m)
         return kiss
@@ -133,6 +141,7 @@ class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
 
     frame_downsample: FloatArray
     registration: HoldingRegistration
+    preprocessor: _SweepPreprocessor
 
     def voxelize(self, iframe: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The points to register, and those for the map."""
@@ -141,15 +150,17 @@ class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
 
 
 class _SweepPreprocessor:
-    """KISS-ICP's range limits, after deskewing by the motion that happens during the sweep."""
+    """In the place of KISS-ICP's own: deskewing by the motion that happens during the sweep, then its range limits."""
 
-    def __init__(self, preprocessor: Preprocessor) -> None:
-        self._preprocessor = preprocessor
+    def __init__(self, settings: OdometrySettings) -> None:
+        self._settings = settings
         self.motion_share = 1.0
+        self.kept: BoolArray = np.zeros(0, bool)
 
     def preprocess(self, points: FloatArray, times: FloatArray, T_last_now: FloatArray) -> FloatArray:
         """Points `(N, 3)` in, those within range at the instant of the last point out; the motion goes on evenly."""
         if len(times):
             motion = self.motion_share * se3.log(T_last_now)
             points = deskewed(points, times, lambda share: se3.exp((share - 1.0)[:, None] * motion))
-        return np.asarray(self._preprocessor.preprocess(points, _NO_TIMES, T_last_now))
+        self.kept = within_range(points, self._settings)
+        return np.asarray(points.take(np.flatnonzero(self.kept), axis=0))

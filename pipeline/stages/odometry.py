@@ -121,7 +121,7 @@ def _found_again(result: FrontEndResult) -> str:
     times = ", ".join(f"{at:.1f}" for at in (stamps_ns[:8] * 1e-9).tolist()) + (" ..." if len(stamps_ns) > 8 else "")
     return (
         f"odometry lost its hold {len(stamps_ns)} times, at {times} s after its start, and was found again by"
-        " registering the scan to the last one from all around"
+        " registering the scan to the last ones from all around"
     )
 
 

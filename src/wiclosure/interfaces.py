@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
-from wiclosure.types import FilterResult, Float32Array, FloatArray, Scan, Trajectory, WirelessLog
+from wiclosure.types import BoolArray, FilterResult, Float32Array, FloatArray, Scan, Trajectory, WirelessLog
 
 
 @runtime_checkable
@@ -58,6 +58,11 @@ class Odometry(Protocol):
             stamp_ns of the pose, that of the last point measured; `T_odom_body (4, 4)`; and the points `(N, 3)` within
             range, in the body's axes at that instant.
         """
+        ...
+
+    @property
+    def kept(self) -> BoolArray:
+        """`(M,)` which of the last scan's points `register` returned, in their order."""
         ...
 
     @property

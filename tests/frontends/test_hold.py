@@ -47,19 +47,20 @@ def straight(count: int) -> FloatArray:
     return se3.from_yaw(np.zeros(count), np.linspace(0.0, 0.1 * (count - 1), count)[:, None] * [1.0, 0.2, 0.0])
 
 
-def test_shares_of_known_voxels() -> None:
+def test_known_voxels() -> None:
     occupied = Occupied.by(np.array([[0.1, 0.1, 0.1], [-0.1, 3.2, 0.0]]), 0.5)
-    assert occupied.share(np.array([[0.4, 0.4, 0.4], [-0.4, 3.4, 0.4], [0.6, 0.1, 0.1], [0.1, -0.1, 0.1]])) == 0.5
-    assert occupied.share(np.zeros((0, 3))) == 0.0
-    assert Occupied.by(np.zeros((0, 3)), 0.5).share(np.zeros((1, 3))) == 0.0
+    asked = np.array([[0.4, 0.4, 0.4], [-0.4, 3.4, 0.4], [0.6, 0.1, 0.1], [0.1, -0.1, 0.1]])
+    assert occupied.holds(asked).tolist() == [True, True, False, False]
+    assert not len(occupied.holds(np.zeros((0, 3))))
+    assert not Occupied.by(np.zeros((0, 3)), 0.5).holds(np.zeros((1, 3))).any()
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0))
 def test_a_cloud_fits_itself_and_nothing_far_away(seed: int, voxel_m: float) -> None:
     points = np.random.default_rng(seed).uniform(-50, 50, (200, 3))
     occupied = Occupied.by(points, voxel_m)
-    assert occupied.share(points) == 1.0
-    assert occupied.share(points + 200.0) == 0.0
+    assert occupied.holds(points).all()
+    assert not occupied.holds(points + 200.0).any()
 
 
 @pytest.mark.parametrize("turn_deg", [-150, -70, -40, 30, 90, 180])
@@ -68,7 +69,8 @@ def test_after_an_unforeseen_turn_it_is_found_again(turn_deg: float) -> None:
     poses[8:] = poses[8:] @ se3.from_yaw(np.radians([turn_deg]), np.array([[0.5, -0.3, 0.0]]))
     holds, found = follow(KissOdometry(OdometrySettings(voxel_size_m=0.5)), poses, room())
     assert holds[8] is Hold.FOUND_AGAIN
-    assert {*holds[:8], *holds[10:]} == {Hold.HELD}  # after the turn another one is expected
+    assert {*holds[:8]} == {Hold.HELD}
+    assert Hold.LOST not in holds
     off = se3.between(se3.between(poses[:1], poses), found)
     assert np.linalg.norm(off[:, :3, 3], axis=1).max() < 0.1
     assert np.degrees(se3.rotation_angle(off).max()) < 1.0

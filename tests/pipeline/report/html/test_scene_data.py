@@ -57,6 +57,28 @@ def test_map_points_keep_their_robot() -> None:
     assert fewer_points(entry, 3_000) is entry
 
 
+def test_intensity_is_ranked_among_each_robots_points_whatever_its_unit() -> None:
+    rng = np.random.default_rng(0)
+    robot = rng.integers(0, 2, 2_000)
+    height = rng.uniform(0, 10, 2_000)
+    intensity = np.where(robot == 0, height / 10, height**4).astype(np.float32)  # 0 to 1; 0 to 10,000
+    intensity[:5] = np.nan
+    points = np.column_stack([100.0 * robot, rng.uniform(0, 50, 2_000), height]).astype(np.float32)
+    merged = MergedMap(points, ROBOT_COLOURS[robot], intensity)
+    entry = map_entry(merged, 2, np.zeros(3))
+    assert entry is not None
+    shade, drawn = unpacked_array(entry["intensity"]).astype(float), unpacked_array(entry["xyz"])
+    assert np.count_nonzero(shade == 0) == 5
+    known = shade > 0
+    np.testing.assert_allclose(shade[known], drawn[known, 2] * 3.2, atol=2.5)
+    fewer = fewer_points(entry, 100)
+    assert fewer is not None
+    assert len(unpacked_array(fewer["intensity"])) == 100
+    alike = map_entry(MergedMap(points, ROBOT_COLOURS[robot], np.full(2_000, 7, np.float32)), 2, np.zeros(3))
+    assert alike is not None
+    assert alike["intensity"] is None
+
+
 def test_large_maps_are_thinned_and_empty_ones_left_out() -> None:
     points = np.random.default_rng(0).uniform(0, 100, (MAP_POINTS + 1000, 3)).astype(np.float32)
     entry = map_entry(MergedMap(points, np.tile(ROBOT_COLOURS[0], (len(points), 1))), 1, np.zeros(3))

@@ -191,7 +191,7 @@ function controlsBar({ run, groups, map, draw, look }) {
 
 async function mapPoints(run) {
   if (!run.map) return null;
-  const [xyz, robot] = await Promise.all([decode(run.map.xyz), decode(run.map.robot)]);
+  const [xyz, robot, intensity] = await Promise.all([run.map.xyz, run.map.robot, run.map.intensity].map(decode));
   const n = robot.length, [low, high] = run.map.heights_m, hidden = new Set();
   const geometry = positions(xyz);
   const rgb = new BufferAttribute(new Uint8Array(3 * n), 3, true);
@@ -207,6 +207,11 @@ async function mapPoints(run) {
     robot: [robotColours, (i) => robot[i] % robotColours.length],
     height: [steps, (i) => Math.min(63, Math.max(0, Math.round((63 * (xyz[3 * i + 2] - low)) / Math.max(high - low, 1e-3))))],
   };
+  if (intensity) {
+    // 0: not known
+    const shades = Array.from({ length: 33 }, (_, k) => (k ? ramp((k - 1) / 31) : new Color(0.5, 0.5, 0.5)));
+    colours.intensity = [shades, (i) => intensity[i]];
+  }
   let by = "robot", background = new Color(1, 1, 1);
   const paint = () => {
     const [table, which] = colours[by];
