@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
+from wiclosure.pipeline.sources.messages.field_names import are_of_flight, intensity_field, like_times, time_fields
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
 from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Float32Array, FloatArray, Scan
@@ -104,9 +104,12 @@ class PointCloud2Decoder:
         names = [name for name, *_ in fields]
         candidates = time_fields(names)
         differing = []
-        for name in candidates:
-            values = _records(cloud, _record_type(fields, name, order, cloud.point_step))["time"]
-            if len(values) and values.min() < values.max():
+        for name in list(candidates):
+            records = _records(cloud, _record_type(fields, name, order, cloud.point_step))
+            values = records["time"]
+            if are_of_flight(name, values, records["x"], records["y"], records["z"]):
+                candidates.remove(name)
+            elif len(values) and values.min() < values.max():
                 differing.append(name)
         if candidates and not differing:
             logger.warning(
