@@ -12,7 +12,7 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_rows
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.stamps import Stamped, mended
 from wiclosure.types import GnssLog
 
@@ -55,6 +55,12 @@ def read_fix_topic(path: Path, topic: str, *, salvage: bool = False) -> GnssLog:
         name = bag.require_topic_of(FIX_TYPE, topic)
         messages = [(received_ns, cast("_Fix", message)) for received_ns, message in bag.messages(name)]
     place = f"{path}, topic {name}"
+    with usual_fields(place):
+        return _log(messages, place)
+
+
+def _log(messages: list[tuple[int, _Fix]], place: str) -> GnssLog:
+    """The fixes among messages, each with its time of reception."""
     fixes = [(received_ns, fix) for received_ns, fix in messages if fix.status.status >= 0 and _is_place(fix)]
     if not fixes:
         raise InputError(f"{place}: none of {len(messages)} messages holds a fix; leave the topic out")

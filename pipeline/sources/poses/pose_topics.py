@@ -14,7 +14,7 @@ from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.bag import Bag, topic_name
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.poses.frames import TF_TYPES, TransformStamped, frame_name
 from wiclosure.pipeline.sources.stamps import Stamped, mended
 from wiclosure.types import Trajectory
@@ -90,7 +90,7 @@ class _Transforms(Protocol):
 
 def _numbers(position: _Vector, orientation: _Quaternion) -> list[float]:
     p, q = position, orientation
-    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+    return [float(number) for number in (p.x, p.y, p.z, q.x, q.y, q.z, q.w)]
 
 
 def _of_odometry(message: object) -> Iterator[_PoseRow]:
@@ -156,16 +156,12 @@ def read_pose_topic(path: Path, topic: str, robot: str, *, salvage: bool = False
         of_path = bag.topics[found].msgtype == _PATH_TYPE
         if of_path:
             messages = messages[-1:]  # each holds all poses up to its time
-        try:
+        with usual_fields(f"{path}, topic {found}"):
             rows = [
                 _Received(row[0] if of_path else received_ns, row[0], row[1], (frame_name(row[2]), frame_name(row[3])))
                 for received_ns, message in messages
                 for row in read(message)
             ]
-        except AttributeError as error:
-            raise InputError(
-                f"{path}, topic {found}: the bag's own definition of its messages is another ({error}); is it damaged?"
-            ) from error
     if not rows:
         raise InputError(f"{path}: topic {found} holds no messages; name another, or leave the odometry to KISS-ICP")
     rows = _of_one_body(rows, frames, f"{path}, topic {found}")
