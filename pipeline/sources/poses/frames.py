@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.formats.plausible import FURTHEST_M, LONGEST_QUATERNION
 from wiclosure.pipeline.sources.bag import Bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, usual_fields
 from wiclosure.types import FloatArray, Scan
@@ -60,7 +61,7 @@ def matrix(transform: _Transform) -> FloatArray | None:
     """`T_parent_child (4, 4)`, or None where the numbers are no transform."""
     p, q = transform.translation, transform.rotation
     numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], float)
-    if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < 1e-9:
+    if not (np.abs(numbers[:3]) < FURTHEST_M).all() or not 1e-9 < np.abs(numbers[3:]).max() < LONGEST_QUATERNION:
         return None
     return se3.from_rotation_translation(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
 from wiclosure.pipeline.sources.bag import Bag, topic_name
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
@@ -225,7 +226,7 @@ def _of_one_body(rows: list[_Received], frames: tuple[str, str] | None, place: s
 
 def _trajectory(rows: list[_Received], robot: str, place: str) -> Trajectory:
     """The poses that are some, at stamps that increase (see `wiclosure.pipeline.sources.stamps`)."""
-    good = [row for row in rows if np.isfinite(row.pose).all() and np.linalg.norm(row.pose[3:]) > 1e-9]
+    good = [row for row in rows if np.isfinite(row.pose).all() and _is_quaternion(row.pose[3:])]
     if not good:
         raise InputError(
             f"{place}: none of {len(rows)} messages holds a pose; positions or orientations are no numbers"
@@ -236,4 +237,11 @@ def _trajectory(rows: list[_Received], robot: str, place: str) -> Trajectory:
     numbers = np.array([pose for _, pose in stamped])
     rotation = Rotation.from_quat(numbers[:, 3:]).as_matrix()
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in stamped], np.int64)
-    return Trajectory(robot, stamps_ns, se3.from_rotation_translation(rotation, numbers[:, :3]))
+    near = plausible_path(place, stamps_ns, numbers[:, :3])
+    poses = se3.from_rotation_translation(rotation[near], numbers[near, :3])
+    return Trajectory(robot, stamps_ns[near], poses)
+
+
+def _is_quaternion(numbers: list[float]) -> bool:
+    """Whether four finite numbers can be made one of length one."""
+    return 1e-9 < max(map(abs, numbers)) < LONGEST_QUATERNION
