@@ -14,7 +14,7 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from wiclosure import __version__
-from wiclosure.errors import WiclosureError
+from wiclosure.errors import WiclosureError, printable
 from wiclosure.pipeline.cli import cache as cache_command
 from wiclosure.pipeline.cli import compare as compare_commands
 from wiclosure.pipeline.cli import data as data_commands
@@ -24,7 +24,6 @@ from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
-from wiclosure.pipeline.runtime.log import printable
 from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 
 app = typer.Typer(
