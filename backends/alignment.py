@@ -11,7 +11,7 @@ from wiclosure.backends.claims import Claims, chance_to_agree
 from wiclosure.backends.dense_sets import dense_sets
 from wiclosure.types import FloatArray, IntArray
 
-ANCHORS = 250  # closures that all others are compared with; more would not find another set
+ANCHORS = 250  # closures that all others are compared with
 MOST_SETS = 4
 FEW = 4  # closures, of which each may be a set of its own: third robots may tell
 
@@ -35,7 +35,7 @@ class ClosureComparison:
     @classmethod
     def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
         """Compares the closures, exactly up to a squared distance of `beyond`."""
-        anchors = np.unique(np.linspace(0, len(claims) - 1, min(ANCHORS, len(claims))).round().astype(np.int64))
+        anchors = _anchors(claims, beyond)
         return cls(claims, anchors, claims.distances(anchors, beyond), claims.chance_distances())
 
     def consistent_sets(self, limit: float, most: int = MOST_SETS) -> list[ConsistentSet]:
@@ -63,6 +63,20 @@ class ClosureComparison:
             alone = np.flatnonzero(~taken)
             found += [ConsistentSet(np.array([row]), int(row), p, len(self.claims)) for row in alone]
         return found
+
+
+def _anchors(claims: Claims, beyond: float) -> IntArray:
+    """Rows of all closures or, where they are many, of some of every part and of those that most others lie near.
+
+    The first find each set that is a fair share of all, the second the largest, however small a share that is.
+    """
+    if len(claims) <= ANCHORS:
+        return np.arange(len(claims))
+    spread = np.linspace(0, len(claims) - 1, ANCHORS // 2).round().astype(np.int64)
+    neighbours = claims.neighbours(beyond)
+    neighbours[spread] = -1  # chosen already
+    crowded = np.argsort(-neighbours, kind="stable")[: ANCHORS - len(spread)]
+    return np.union1d(spread, crowded)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import brentq
 
 from wiclosure.backends.alignment import ClosureComparison, ConsistentSet
 from wiclosure.types import FloatArray
 
 SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
-# of both paths, by three closures at any places of them, in 99 of 100: (3 s^2 - 2 s^3)^2 = 0.01; less is one place
-LEAST_COVERAGE = 0.195
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
+SPANNED_LESS = 0.005  # share of the sets of closures at any places that span less than `least_span`
+
+
+def least_span(closures: int) -> float:
+    """Share of both paths that all but `SPANNED_LESS` of the sets of so many closures at any places of them span.
+
+    Of n places drawn from a path, the range is less than the share s with probability `n s^(n-1) - (n-1) s^n`.
+    """
+    of_one_path = np.sqrt(SPANNED_LESS)
+    return float(
+        brentq(lambda s: closures * s ** (closures - 1) - (closures - 1) * s**closures - of_one_path, 0.0, 1.0)
+    )
+
+
+LEAST_COVERAGE = least_span(3)  # less is one place
 
 
 Places = Mapping[int, tuple[FloatArray, FloatArray]]

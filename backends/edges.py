@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.normal_matrix import DEGREES, NormalMatrix
+from wiclosure.backends.normal_matrix import DEGREES, Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 30  # of Gauss-Newton; damped
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
+LEAST_DAMPED = 1e-6
 MOST_DAMPED = 1e8
 IN_PLANE = 1e-6  # rad, m: by rounding
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
@@ -133,35 +134,44 @@ class System:
         Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
         """
         w = np.ones(len(self.edges)) if weights is None else weights
-        return self.subset(w > 0)._descended(poses, w[w > 0], steps)
+        return self.subset(w > 0)._descended(poses, w[w > 0], steps)[0]
 
-    def _descended(self, poses: FloatArray, w: FloatArray, steps: int) -> FloatArray:
-        damping, cost = 1e-6, self._cost(poses, w)
+    def sampled(self, poses: FloatArray, weights: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same estimate, and what noise of the edges does to it: `(N, 6, S)` for whitened `(M, 6, S)`.
+
+        To first order, about where the last step of the estimate began: it hardly moved.
+        """
+        used = weights > 0
+        system, w = self.subset(used), weights[used]
+        poses, last = system._descended(poses, w, STEPS)
+        if last is None:
+            J = system.jacobians(poses)
+            last = J, system.normal.factorised(*J, w, self.held, 0.0)
+        J, factorised = last
+        return poses, factorised.solve(-system.gradient(J, w[:, None, None] * noise[used]))
+
+    def _descended(
+        self, poses: FloatArray, w: FloatArray, steps: int
+    ) -> tuple[FloatArray, tuple[tuple[FloatArray, FloatArray], Factorised] | None]:
+        """Poses, and if the last step hardly moved them, its derivatives and undamped normal equations."""
+        damping, cost = 0.0, self._cost(poses, w)
         for _ in range(steps):
             J = self.jacobians(poses)
             gradient = self.gradient(J, w[:, None] * self.residuals(poses))
             while damping < MOST_DAMPED:
-                step = self.normal.factorised(*J, w, self.held, damping).solve(-gradient)
-                moved = poses @ se3.exp(step)
+                factorised = self.normal.factorised(*J, w, self.held, damping)
+                moved = poses @ se3.exp(factorised.solve(-gradient))
                 new_cost = self._cost(moved, w)
                 if new_cost <= cost:
                     break
-                damping *= 10.0
+                damping = max(10.0 * damping, LEAST_DAMPED)
             else:
-                return poses
+                return poses, None
+            undamped, damping = damping == 0.0, damping / 10.0 if damping > LEAST_DAMPED else 0.0
             decrease, poses, cost = cost - new_cost, moved, new_cost
-            damping = max(damping / 10.0, 1e-9)
             if decrease <= CONVERGED * (cost + 1e-9):
-                break
-        return poses
-
-    def perturbations(self, poses: FloatArray, weights: FloatArray, noise: FloatArray) -> FloatArray:
-        """What noise of the edges does to the estimate: `(N, 6, S)` for whitened noise `(M, 6, S)`, to first order."""
-        used = weights > 0
-        system, w = self.subset(used), weights[used]
-        J = system.jacobians(poses)
-        right = -system.gradient(J, w[:, None, None] * noise[used])
-        return system.normal.factorised(*J, w, self.held, 0.0).solve(right)
+                return poses, (J, factorised) if undamped else None
+        return poses, None
 
     def _cost(self, poses: FloatArray, weights: FloatArray) -> float:
         return float(weights @ self.chi_squares(poses))

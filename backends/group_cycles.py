@@ -10,15 +10,13 @@ from itertools import combinations
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE, CandidateSet, Places
+from wiclosure.backends.candidate_sets import EXPECTED_BY_CHANCE, SATURATED, CandidateSet, Places, least_span
 from wiclosure.backends.claims import PAIRS_AT_ONCE, Claims, chance_to_agree
 from wiclosure.backends.edges import mahalanobis_squared
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 RECOMBINED = 100  # frames tried to see whether chance closes a cycle as well
 MOST_CYCLES = 300_000
-# Of both paths, five closures at any places span this share in 99 of 100: strengths may differ so much by chance.
-ALIKE = 0.42
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +68,8 @@ def settle_cycles(candidates: Sequence[CandidateSet], places: Places, limit: flo
     doubtful = closed & objected[cycles].any(axis=1)  # elsewhere nothing is at stake
     told = ~doubtful
     told[doubtful] = _chances(candidates, frames, cycles[doubtful], places, limit) <= EXPECTED_BY_CHANCE / len(cycles)
-    votes = _Votes(cycles[told], closed[told], np.array([c.weight for c in candidates]), objected)
+    weights, sizes = (np.array(numbers) for numbers in zip(*((c.weight, len(c)) for c in candidates), strict=True))
+    votes = _Votes(cycles[told], closed[told], weights, sizes, objected)
     refuted = votes.refuted(clearly)
     support, contradiction = votes.counted(refuted)
     for candidate, fallen, pro, contra in zip(candidates, refuted, support, contradiction, strict=True):
@@ -87,12 +86,14 @@ class _Votes:
         cycles: `(K, 3)` sets.
         closed: which of the cycles close.
         weight: of the sets.
+        size: of the sets, in closures.
         objected: which sets their own pair leaves open.
     """
 
     cycles: IntArray
     closed: BoolArray
     weight: FloatArray
+    size: IntArray
     objected: BoolArray
 
     def counted(self, refuted: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -118,7 +119,13 @@ class _Votes:
             holding = ~refuted & (~self.objected | (support > 0))
             around = (self.cycles == worst).any(axis=1) & ~self.closed & holding[self.cycles].all(axis=1)
             members = np.unique(self.cycles[around])
-            refuted[members[ALIKE * strength[members] <= strength[worst]]] = True
+            refuted[members[self._alike(worst, members, strength)]] = True
+
+    def _alike(self, worst: int, members: IntArray, strength: FloatArray) -> BoolArray:
+        """Which members are no stronger than chance makes a right set of as many closures as the smaller one has."""
+        smaller = np.clip(self.size[members], SATURATED, max(SATURATED, self.size[worst]))
+        shares = np.array([least_span(int(size)) for size in smaller])
+        return np.asarray(shares * strength[members] <= strength[worst])
 
     def _summed(self, strength: FloatArray, chosen: BoolArray) -> FloatArray:
         """By set: over the chosen cycles that it is in, the strength of the weaker of the other two."""

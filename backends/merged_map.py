@@ -35,10 +35,12 @@ class MergedMap:
     Args:
         points: `(N, 3)` float32, metres: the mean of each voxel's points.
         colours: `(N, 3)` uint8: the mean of its robots' colours, so that places that several robots saw are mixed.
+        intensity: `(N,)` float32 in the sensors' own unit, the mean likewise, NaN where it is not known; or None.
     """
 
     points: Float32Array
     colours: NDArray[np.uint8]
+    intensity: Float32Array | None = None
 
     def __repr__(self) -> str:
         return f"MergedMap({len(self)} points)"
@@ -51,7 +53,8 @@ def merge_maps(clouds: Iterable[tuple[int, FloatArray, Float32Array]], settings:
     """Merges clouds one after the other; sums of voxels are kept by tiles, on disk if there are too many.
 
     Args:
-        clouds: the robot's number (its colour), `T_world_body (4, 4)` and points `(N, 3)` in the body's axes.
+        clouds: the robot's number (its colour), `T_world_body (4, 4)` and points `(N, 3)` in the body's axes; or
+            `(N, 4)` with the intensity last, for all clouds alike.
         settings: see `MapSettings`.
 
     Raises:
@@ -73,10 +76,11 @@ class _Tiles:
         self.parts: dict[int, list[tuple[VoxelKeys, FloatArray]]] = {}
         self.in_memory = 0
 
-    def add(self, robot: int, T_world_body: FloatArray, points: Float32Array) -> None:
-        world = points[np.isfinite(points).all(axis=1)].astype(float) @ T_world_body[:3, :3].T + T_world_body[:3, 3]
-        rows = np.empty((len(world), 7))  # x, y, z, red, green, blue, count
-        rows[:, :3], rows[:, 3:6], rows[:, 6] = world, robot_rgb(robot), 1.0
+    def add(self, robot: int, T_world_body: FloatArray, points: FloatArray | Float32Array) -> None:
+        points = points[np.isfinite(points[:, :3]).all(axis=1)].astype(float)
+        world = points[:, :3] @ T_world_body[:3, :3].T + T_world_body[:3, 3]
+        rows = np.empty((len(world), 4 + points.shape[1]))  # x, y, z, red, green, blue, count; intensity where known
+        rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7:] = world, robot_rgb(robot), 1.0, points[:, 3:]
         # One cloud is thinned at once: what waits is then a few thousand voxels, not a hundred thousand points.
         keys, rows = _summed(self._keys(world), rows)
         starts = np.flatnonzero(np.diff(keys >> TILE_SHIFT, prepend=-1))
@@ -91,14 +95,18 @@ class _Tiles:
         """All tiles, each in memory alone, in a fixed order."""
         on_disk = {int(path.name.split("-")[0]) for path in self.folder.iterdir()}
         points, colours = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.uint8)]
+        intensity: list[Float32Array] = []
         for tile in sorted(self.parts.keys() | on_disk):
             spilt = [np.load(path) for path in sorted(self.folder.glob(f"{tile}-*.npz"))]
             parts = [(part["keys"], part["sums"]) for part in spilt] + self.parts.pop(tile, [])
             _, sums = _added_up(parts)
-            mean = sums[:, :6] / sums[:, 6:]
+            mean = sums[:, :6] / sums[:, 6:7]
             points.append(mean[:, :3].astype(np.float32))
             colours.append(mean[:, 3:].round().astype(np.uint8))
-        return MergedMap(np.concatenate(points), np.concatenate(colours))
+            if sums.shape[1] > 7:
+                intensity.append((sums[:, 7] / sums[:, 6]).astype(np.float32))
+        known = np.concatenate(intensity) if intensity else None
+        return MergedMap(np.concatenate(points), np.concatenate(colours), known)
 
     def _make_room(self) -> None:
         """Adds up what lies in the same voxels; if that does not halve it, everything goes to disk."""

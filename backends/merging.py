@@ -93,7 +93,7 @@ def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
     if not (everything.distance[own] > limit).any():
         return everything
     inlier = own.copy()
-    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), robots.poses, robots.first_nodes, limit)
+    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), [robots.poses], robots.first_nodes, limit)
     return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
 
 

@@ -28,7 +28,7 @@ from wiclosure.backends.frames import components, initial_frames
 from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.radio_factors import radio_factors
 from wiclosure.backends.settling import graduated, settle
-from wiclosure.backends.start import better_start
+from wiclosure.backends.start import better_starts
 from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
@@ -189,10 +189,10 @@ def _decide(
     team = TeamArrays.of(trajectories, _numbered(sets), np.zeros(rows, bool))
     groups = components(list(trajectories), sets)
     limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
-    start = better_start(team, groups, rigid, limit)
+    starts = better_starts(team, groups, rigid, limit)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
     known, loops = team.robots.odometry, team.robots.loops
-    mask, poses = graduated(known, loops, start, held, limit)
+    mask, poses = graduated(known, loops, starts, held, limit)
     if not mask.all():  # with outliers about, those kept may hide behind odometry that they bend
         settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
         mask, poses = settled.inlier, settled.poses

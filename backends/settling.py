@@ -7,13 +7,14 @@ pulls the estimate to itself, and its own residual would not tell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.edges import Edges, System
+from wiclosure.backends.edges import Edges, System, degrees_of_freedom
 from wiclosure.backends.normal_matrix import DEGREES
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -24,6 +25,7 @@ MU_GROWTH = 1.4  # of mu
 MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
+NEAREST = 5  # outliers at least, up to the distance of which they are counted
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
 
 
@@ -62,19 +64,44 @@ def outlier_limit(closures: int, probability: float, degrees: int = DEGREES) -> 
     return float(f.ppf(probability ** (1.0 / max(closures, 1)), degrees, freedom) * degrees)
 
 
+def fewest_errors(inliers: int, outliers: FloatArray, limit: float, degrees: int = DEGREES) -> float:
+    """Squared distance, up to `limit`, that leaves the fewest true closures beyond it and false ones within.
+
+    True ones are distributed as `outlier_limit` has it.  False ones are as dense around the prediction as beyond the
+    limit, as far as there are some: their number grows with the volume of the ellipsoid.
+
+    Args:
+        inliers: how many closures are within the limit.
+        outliers: squared distances `(K,)` of the others.
+        limit: squared distance from which a closure is an outlier, however few there are.
+        degrees: of freedom.
+    """
+    if not len(outliers) or not np.isfinite(limit):
+        return limit
+    freedom = SAMPLES - degrees + 1
+    bounds = limit * np.linspace(0.1, 1.0, 91)
+    farthest = max(2.0 * limit, float(np.sort(outliers)[:NEAREST][-1]))
+    volume = farthest ** (degrees / 2) - limit ** (degrees / 2)
+    false = (outliers <= farthest).sum() / volume * bounds ** (degrees / 2)
+    true = inliers * f.sf(bounds / degrees, degrees, freedom)
+    return float(bounds[np.argmin(true + false)])
+
+
 def graduated(
-    odometry: Edges, loops: Edges, poses: FloatArray, held: IntArray, limit: float
+    odometry: Edges, loops: Edges, starts: Sequence[FloatArray], held: IntArray, limit: float
 ) -> tuple[BoolArray, FloatArray]:
     """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
 
     Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
-    the plain solution are within the limit, that is the answer; and where it costs less than what came of the steps.
+    the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
+    from the last start, and it is the answer where it costs less than what came of them.
     """
-    system, count = System.of(odometry + loops, len(poses), held), len(odometry)
-    plain = poses = system.solved(poses)
-    chi_square = system.chi_squares(poses)[count:]
-    if (chi_square <= limit).all():
-        return np.ones(len(loops), bool), poses
+    system, count = System.of(odometry + loops, len(starts[0]), held), len(odometry)
+    for start in starts:
+        plain = poses = system.solved(start)
+        chi_square = system.chi_squares(poses)[count:]
+        if (chi_square <= limit).all():
+            return np.ones(len(loops), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
     for _ in range(MOST_GNC_STEPS):
         weights = _truncated_weights(chi_square, limit, mu)
@@ -125,22 +152,23 @@ def settle(
     system = System.of(odometry + loops.subset(rows), len(poses), held)
     noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
+    degrees = degrees_of_freedom(odometry.T, loops.T)
     for step in range(CHECK_ROUNDS):
         weights = np.concatenate([np.ones(count), kept.astype(float)])
-        poses = system.solved(poses, weights)
-        moved = system.perturbations(poses, weights, noise)
+        poses, moved = system.sampled(poses, weights, noise)
         distance, checked = _studentised(system, poses, moved, noise)
         of_loops = distance[count:]
-        drop = kept & (of_loops > limit)
+        bound = fewest_errors(int((of_loops <= limit).sum()), of_loops[of_loops > limit], limit, degrees)
+        drop = kept & (of_loops > bound)
         if drop.any():
             drop &= of_loops >= WORST * of_loops[drop].max()
-        admit = ~kept & (of_loops <= limit) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
+        admit = ~kept & (of_loops <= bound) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
         if step == CHECK_ROUNDS - 1 or not (drop.any() or admit.any()):
             break
         locked += drop
         kept = (kept & ~drop) | admit
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
-    found[rows], mask[rows] = of_loops, kept & (of_loops <= limit)
+    found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
     wander = se3.adjoint(poses) @ moved
     redundant = distance[checked & np.concatenate([np.ones(count, bool), kept])]
     return Settled(poses, wander, mask, found, redundant)

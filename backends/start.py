@@ -17,32 +17,36 @@ from wiclosure.types import FloatArray
 logger = logging.getLogger(__name__)
 
 
-def better_start(
+def better_starts(
     team: TeamArrays, groups: Sequence[Sequence[str]], rigid: Mapping[str, FloatArray], limit: float
-) -> FloatArray:
+) -> list[FloatArray]:
     """Node poses `(N, 4, 4)`: of odometry placed rigidly and chordal initialisation the one that costs less.
 
-    Each group of connected robots by itself; its first robot's first keyframe stays where `rigid` has it.
+    First by the cost of all closures in full; then, if that is another, by that with each up to the squared distance
+    `limit`, which false ones do not spoil.  Each group of connected robots by itself; its first robot's first keyframe
+    stays where `rigid` has it.
     """
-    robots, start = team.robots, team.stacked(rigid)
-    edges, chordal = robots.odometry + robots.loops, team.stacked(rigid)
-    nothing_held = np.zeros(0, np.int64)
-    system, count = System.of(edges, len(start), nothing_held), len(robots.odometry)
+    robots, chordal = team.robots, team.stacked(rigid)
+    in_full, truncated = chordal.copy(), chordal.copy()
+    edges, nothing_held = robots.odometry + robots.loops, np.zeros(0, np.int64)
+    system, count = System.of(edges, len(chordal), nothing_held), len(robots.odometry)
     for group in groups:
         members = np.isin(robots.robot, [team.names.index(name) for name in group])
         inside = members[edges.first]
         if not inside[count:].any():
             continue
         root = int(robots.first_nodes[team.names.index(group[0])])
-        found = _chordal(team, np.flatnonzero(inside), root, start[root])
+        found = _chordal(team, np.flatnonzero(inside), root, chordal[root])
         if found is None:
             continue
         chordal[members] = found[members]
         known = int(inside[:count].sum())
-        costs = [truncated_cost(system.chi_squares(poses)[inside], known, limit) for poses in (start, chordal)]
-        if costs[1] < costs[0]:
-            start[members] = chordal[members]
-    return start
+        distances = [system.chi_squares(poses)[inside] for poses in (in_full, chordal)]
+        for start, up_to in ((in_full, np.inf), (truncated, limit)):
+            of_rigid, of_chordal = (truncated_cost(squared, known, up_to) for squared in distances)
+            if of_chordal < of_rigid:
+                start[members] = chordal[members]
+    return [in_full] if np.array_equal(in_full, truncated) else [in_full, truncated]
 
 
 def _chordal(team: TeamArrays, rows: np.ndarray, root: int, T_world_root: FloatArray) -> FloatArray | None:

@@ -143,7 +143,7 @@ def cut(arguments: argparse.Namespace) -> None:
             if robots and len(graph.robot) < 4 * robots:
                 continue
             totals, worst, slowest, joined, runs = np.zeros(4, int), 1.0, 0.0, 0, 0
-            for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+            for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
                 for share in (0.0, 0.1, 0.3, 0.5):
                     kind = list(kinds)[seed % len(kinds)]
                     of = team(graph.cut(robots) if robots else graph, seed, share, kinds[kind])
@@ -173,7 +173,7 @@ def peers(arguments: argparse.Namespace) -> None:
         said = []
         for way, pcm in ways.items():
             totals, seconds, joined = np.zeros(4, int), 0.0, 0
-            for seed in range(FIRST_SEED, FIRST_SEED + min(arguments.seeds, 3)):
+            for seed in range(arguments.first_seed, arguments.first_seed + min(arguments.seeds, 3)):
                 of = team(graph.cut(3) if alone else graph, seed, 0.3)
                 found = solved(of.odometry, of.closures, pcm)
                 totals += _counts(found.kept, of.true)
@@ -190,16 +190,16 @@ def sigmas(arguments: argparse.Namespace) -> None:
             if len(graph.robot) > 2000 or len(np.unique(graph.robot)) > 1 or len(graph.robot) < 100:
                 continue
             wrong = replace(graph.cut(3), covariance=graph.covariance * factor**2)
-            for seed in range(FIRST_SEED, FIRST_SEED + min(arguments.seeds, 3)):
+            for seed in range(arguments.first_seed, arguments.first_seed + min(arguments.seeds, 3)):
                 of = team(wrong, seed, 0.3)
                 totals += _counts(solved(of.odometry, of.closures).kept, of.true)
         print(f"sigma stated {factor:g} times: {_shares(totals)} (goals 95 %, 0.5 %)", flush=True)
 
 
-def many(_: argparse.Namespace) -> None:
+def many(arguments: argparse.Namespace) -> None:
     """Large teams."""
     for robots, poses, closures in ((16, 200, 960), (100, 500, 20_000)):
-        of = team(town(FIRST_SEED, robots, poses, int(0.8 * closures)), FIRST_SEED, 0.2)
+        of = team(town(arguments.first_seed, robots, poses, int(0.8 * closures)), arguments.first_seed, 0.2)
         found = solved(of.odometry, of.closures)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(
@@ -216,7 +216,10 @@ def drawn(arguments: argparse.Namespace) -> None:
     graphs = max(arguments.seeds, 5) * 10
     for robots in (2, 5):
         for count in (3, 10, 30, 100, 200):
-            shares = [_share_kept(*_wanderers(seed, robots, count)) for seed in range(FIRST_SEED, FIRST_SEED + graphs)]
+            shares = [
+                _share_kept(*_wanderers(seed, robots, count))
+                for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+            ]
             print(
                 f"{count} true closures per joined pair of {robots} robots, {graphs} graphs: accepted in"
                 f" {np.mean(np.array(shares) > 0):.1%} (goal 99 %), {np.mean(shares):.1%} of closures (goal 97 %)",
@@ -225,10 +228,16 @@ def drawn(arguments: argparse.Namespace) -> None:
             graphs = max(10, graphs // 2)
         graphs = max(arguments.seeds, 5) * 10
     for count in (2, 5, 10, 30, 100, 400):
-        bad = sum(_share_kept(*_unrelated(seed, count)) > 0 for seed in range(FIRST_SEED, FIRST_SEED + graphs))
+        bad = sum(
+            _share_kept(*_unrelated(seed, count)) > 0
+            for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+        )
         print(f"{count} random closures, {graphs} graphs: something accepted in {bad} (goal 1 %)", flush=True)
     for count in (3, 5, 8):
-        bad = sum(_share_kept(*_look_alike(seed, count)) > 0 for seed in range(FIRST_SEED, FIRST_SEED + graphs))
+        bad = sum(
+            _share_kept(*_look_alike(seed, count)) > 0
+            for seed in range(arguments.first_seed, arguments.first_seed + graphs)
+        )
         print(f"{count} closures of one look-alike place, {graphs} graphs: accepted in {bad} (goal 0)", flush=True)
 
 
@@ -236,7 +245,7 @@ def cycle(arguments: argparse.Namespace) -> None:
     """A wrong set of 10 between A and B, right ones of 5 for A-C and B-C."""
     for place in (True, False):
         wrong, right = [], []
-        for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+        for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
             odometry, truth, rng = _paths(seed, 3)
             shift = se3.from_yaw(0.4, np.array([20.0, 5.0, 0.0]))
             ends = [(20 + n, 60 + n) if place else tuple(rng.integers(0, 120, 2)) for n in range(10)]
@@ -258,7 +267,7 @@ def short(arguments: argparse.Namespace) -> None:
     """Paths of 20 m; four true closures and four false ones between each two robots, as in `pcm_spoiled`."""
     for robots, teams in ((2, 10 * arguments.seeds), (4, arguments.seeds), (8, 2), (16, 1)):
         totals, seconds = np.zeros(4, int), 0.0
-        for seed in range(FIRST_SEED, FIRST_SEED + teams):
+        for seed in range(arguments.first_seed, arguments.first_seed + teams):
             odometry, closures, true = _short_paths(seed, robots)
             found = solved(odometry, closures)
             totals, seconds = totals + _counts(found.kept, true), max(seconds, found.seconds)
@@ -365,7 +374,7 @@ def _graphs(arguments: argparse.Namespace, seeds: int) -> Iterator[tuple[str, Gr
             yield name, read(name)
     for kind, make in (MADE | HELD_OUT).items():
         if arguments.graphs is None or any(word in kind for word in arguments.graphs):
-            for seed in range(FIRST_SEED, FIRST_SEED + seeds):
+            for seed in range(arguments.first_seed, arguments.first_seed + seeds):
                 yield f"{kind} {seed}", make(seed)
 
 

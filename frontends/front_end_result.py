@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
-from wiclosure.frontends.slips import Slips, find_slips, opened
+from wiclosure.frontends.slips import Slips, find_slips, lost_steps, opened
 from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
 
@@ -34,6 +35,10 @@ class FrontEndCounts:
     outside: int = 0
 
 
+def _no_scans() -> IntArray:
+    return np.zeros(0, np.int64)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryResult:
     """The path of one robot, and the clouds of its keyframes.
@@ -47,6 +52,9 @@ class OdometryResult:
         counts: scans in, scans left out.
         seconds: wall time of following the scans.
         seconds_reading: wall time of waiting for them.
+        intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
+        found_again: indices of scans that did not fit where odometry put them first, and fit where it found them again.
+        lost: indices of scans that fit nowhere.
     """
 
     stamps_ns: IntArray
@@ -57,12 +65,16 @@ class OdometryResult:
     counts: FrontEndCounts
     seconds: float
     seconds_reading: float
+    intensities: tuple[NDArray[np.float16], ...] | None = None
+    found_again: IntArray = field(default_factory=_no_scans)
+    lost: IntArray = field(default_factory=_no_scans)
 
     def __repr__(self) -> str:
         return f"OdometryResult({len(self.poses)} of {self.counts.scans} scans followed, {len(self.clouds)} keyframes)"
 
     def save(self, path: Path) -> None:
         """Writes one `.npz` file: all clouds in one array, with offsets."""
+        known = {} if self.intensities is None else {"intensities": np.concatenate(self.intensities)}
         _save(
             path,
             stamps_ns=self.stamps_ns,
@@ -74,6 +86,9 @@ class OdometryResult:
             counts=np.array(astuple(self.counts)),
             seconds=np.array(self.seconds),
             seconds_reading=np.array(self.seconds_reading),
+            **known,
+            found_again=self.found_again,
+            lost=self.lost,
         )
 
     @classmethod
@@ -84,15 +99,19 @@ class OdometryResult:
             InputError: the file is missing, damaged or of something else.
         """
         with _content(path, "is not a saved odometry") as content:
+            inner, intensities = content["offsets"][1:-1], content.get("intensities")
             return cls(
                 stamps_ns=content["stamps_ns"],
                 scan_stamps_ns=content["scan_stamps_ns"],
                 poses=content["poses"],
                 keyframe_indices=content["keyframe_indices"],
-                clouds=tuple(np.split(content["points"], content["offsets"][1:-1])),
+                clouds=tuple(np.split(content["points"], inner)),
                 counts=FrontEndCounts(*content["counts"].tolist()),
                 seconds=float(content["seconds"]),
                 seconds_reading=float(content["seconds_reading"]),
+                intensities=None if intensities is None else tuple(np.split(intensities, inner)),
+                found_again=content["found_again"],
+                lost=content["lost"],
             )
 
 
@@ -144,6 +163,8 @@ class FrontEndResult:
         seconds_odometry: wall time of odometry and clouds.
         seconds_descriptors: wall time of describing them.
         slips: steps of the odometry that count as unknown by how far they are off.
+        intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
+        found_again_ns: stamps of scans that odometry had lost for a moment.
     """
 
     robot: str
@@ -158,6 +179,8 @@ class FrontEndResult:
     seconds_odometry: float
     seconds_descriptors: float
     slips: Slips = field(default_factory=Slips.none)
+    intensities: tuple[NDArray[np.float16], ...] | None = None
+    found_again_ns: IntArray = field(default_factory=_no_scans)
 
     def __repr__(self) -> str:
         scans, length_m = len(self.odometry), self.odometry.distance[-1]
@@ -167,7 +190,7 @@ class FrontEndResult:
     def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:
         """Puts together what the stages found."""
         plain = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
-        slips = find_slips(plain)
+        slips = find_slips(plain) + lost_steps(plain, followed.lost)
         odometry = opened(plain, slips)
         return cls(
             robot=robot,
@@ -182,6 +205,8 @@ class FrontEndResult:
             seconds_odometry=followed.seconds,
             seconds_descriptors=described.seconds,
             slips=slips,
+            intensities=followed.intensities,
+            found_again_ns=followed.stamps_ns[followed.found_again],
         )
 
     def slipping(self, more: Slips) -> Self:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 import small_gicp
+from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.frontends.config import KeyframeSettings
+from wiclosure.frontends.reflections import RETURNS, Reflections
 from wiclosure.interfaces import Odometry
 from wiclosure.types import Float32Array, FloatArray, IntArray
 
@@ -38,16 +41,40 @@ class LocalMap:
 
     def __init__(self, settings: KeyframeSettings) -> None:
         self._voxel_m = settings.cloud_voxel_size_m
-        self._scans: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=settings.scans)
+        self._scans: deque[tuple[FloatArray, FloatArray, Reflections | None]] = deque(maxlen=settings.scans)
 
-    def add(self, T_odom_body: FloatArray, points: FloatArray | Float32Array) -> None:
-        """The next scan: its pose `(4, 4)`, and thinned points `(N, 3)` in its body's axes."""
-        self._scans.append((T_odom_body, np.asarray(points, np.float64)))
+    def add(self, T_odom_body: FloatArray, points: FloatArray | Float32Array, seen: Reflections | None) -> None:
+        """The next scan: its pose `(4, 4)`, and thinned points `(N, 3)` and reflections in its body's axes."""
+        self._scans.append((T_odom_body, np.asarray(points, np.float64), seen))
 
     def seen_from(self, T_odom_body: FloatArray, voxel_m: float) -> Float32Array:
         """All of them in the axes of this pose, `(M, 3)`; thinned to `voxel_m` unless the settings say otherwise."""
-        clouds = [se3.transform(se3.between(T_odom_body, pose), points) for pose, points in self._scans]
+        clouds = [se3.transform(se3.between(T_odom_body, pose), points) for pose, points, _ in self._scans]
         return thinned(np.concatenate(clouds), self._voxel_m or voxel_m)
+
+    def reflections_from(self, T_odom_body: FloatArray) -> Reflections | None:
+        """Those of all of them in the axes of this pose; None if no scan has any."""
+        scans = [(se3.between(T_odom_body, pose), seen) for pose, _, seen in self._scans if seen is not None]
+        return Reflections.together(scans) if scans else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registered:
+    """A scan as odometry returned it.
+
+    Args:
+        T_odom_body: `(4, 4)`.
+        points: `(N, 3)` deskewed, within range, in the body's axes.
+        intensity: `(N,)` of these points, or None.
+    """
+
+    T_odom_body: FloatArray
+    points: FloatArray
+    intensity: Float32Array | None
+
+    def reflections(self, most: int) -> Reflections | None:
+        """Some of its returns, at most some `most`; None without intensities."""
+        return None if self.intensity is None else Reflections.of(self.points, self.intensity, most)
 
 
 class KeyframeCollector:
@@ -59,15 +86,19 @@ class KeyframeCollector:
         self._last = LocalMap(settings)
         self._indices: list[int] = []
         self._clouds: list[Float32Array] = []
+        self._intensities: list[NDArray[np.float16] | None] = []
 
-    def add(self, index: int, T_odom_body: FloatArray, points: FloatArray, odometry: Odometry) -> bool:
-        """The next scan, `index` of the usable ones, its pose and deskewed points; whether it became a keyframe."""
-        if self._settings.scans > 1:
-            self._last.add(T_odom_body, odometry.thinned)
+    def add(self, index: int, registered: Registered, odometry: Odometry) -> bool:
+        """The next scan, `index` of the usable ones, as odometry returned it; whether it became a keyframe."""
+        T_odom_body, several = registered.T_odom_body, self._settings.scans > 1
+        if several:
+            self._last.add(T_odom_body, odometry.thinned, registered.reflections(RETURNS // self._settings.scans))
         if not self._selector.select(T_odom_body):
             return False
         self._indices.append(index)
-        self._clouds.append(self._cloud(T_odom_body, points, odometry))
+        self._clouds.append(self._cloud(T_odom_body, registered.points, odometry))
+        seen = self._last.reflections_from(T_odom_body) if several else registered.reflections(RETURNS)
+        self._intensities.append(None if seen is None else seen.at(self._clouds[-1]))
         return True
 
     @property
@@ -79,6 +110,12 @@ class KeyframeCollector:
     def clouds(self) -> tuple[Float32Array, ...]:
         """K clouds `(N_k, 3)` in the body's axes."""
         return tuple(self._clouds)
+
+    @property
+    def intensities(self) -> tuple[NDArray[np.float16], ...] | None:
+        """K arrays `(N_k,)`, of the clouds' points; None unless every keyframe's scan has intensities."""
+        known = tuple(of for of in self._intensities if of is not None)
+        return known if len(known) == len(self._clouds) else None
 
     def _cloud(self, T_odom_body: FloatArray, points: FloatArray, odometry: Odometry) -> Float32Array:
         if self._settings.scans > 1:

@@ -14,8 +14,8 @@ NEIGHBOURS = (-4, -2, 2, 4)  # keyframes: far enough that a car has left its pla
 FEWEST = 2  # of the neighbours that must have looked through: one alone may be off by its own pose
 
 
-def standing_points(clouds: Sequence[Float32Array], T_world_body: FloatArray, voxel_m: float) -> Iterator[Float32Array]:
-    """Every keyframe's cloud without the points of what moves.
+def standing(clouds: Sequence[Float32Array], T_world_body: FloatArray, voxel_m: float) -> Iterator[BoolArray]:
+    """Which points of every keyframe's cloud belong to what does not move.
 
     Args:
         clouds: K clouds `(N_k, 3)` of one robot's keyframes, each of a single scan, in the body's axes.
@@ -30,7 +30,7 @@ def standing_points(clouds: Sequence[Float32Array], T_world_body: FloatArray, vo
         for n in near:
             if n not in spaces:
                 spaces[n] = FreeSpace.of(np.asarray(clouds[n], float), voxel_m)
-        yield cloud[~_moving(cloud, T_world_body[k], [(spaces[n], T_world_body[n]) for n in near])]
+        yield ~_moving(cloud, T_world_body[k], [(spaces[n], T_world_body[n]) for n in near])
 
 
 def _moving(cloud: Float32Array, T_world_here: FloatArray, near: Sequence[tuple[FreeSpace, FloatArray]]) -> BoolArray:

@@ -10,7 +10,8 @@ from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
-from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
+from wiclosure.interfaces import Hold
+from wiclosure.types import BoolArray, Float32Array, FloatArray, Scan, Trajectory
 
 _LONGEST_STEP_NS = 10**9  # between sparser poses, more than interpolation would be guessed
 
@@ -30,6 +31,7 @@ class RecordedOdometry:
         steps_ns = np.diff(trajectory.stamps_ns)
         self._step_ns = min(int(np.median(steps_ns)), _LONGEST_STEP_NS) if len(steps_ns) else 0
         self._points: FloatArray | None = None
+        self.kept: BoolArray = np.zeros(0, bool)
 
     def register(self, scan: Scan) -> tuple[int, FloatArray, FloatArray]:
         """Next scan in; stamp_ns of the pose, `T_odom_body (4, 4)`, and deskewed points `(N, 3)` within range."""
@@ -37,9 +39,14 @@ class RecordedOdometry:
             self.voxel_size_m = voxel_size_m(scan.points)
         stamp_ns = int(sweep_stamps_ns(scan, self._settings)[1])
         T_odom_body = self._trajectory.at_or_beyond(np.array([stamp_ns]))[0]
-        near = within_range(scan.points, self._settings)
-        self._points = points = self._deskewed(scan, T_odom_body)[near]
+        self.kept = within_range(scan.points, self._settings)
+        self._points = points = self._deskewed(scan, T_odom_body)[self.kept]
         return stamp_ns, T_odom_body, points
+
+    @property
+    def hold(self) -> Hold:
+        """Whether it holds, scans do not tell here: the poses stand."""
+        return Hold.HELD
 
     @property
     def thinned(self) -> Float32Array:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import repeat
+
+import numpy as np
 
 from wiclosure.backends.graph_result import propagate_to_scans
 from wiclosure.backends.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.moving_objects import standing_points
+from wiclosure.frontends.moving_objects import standing
 from wiclosure.frontends.registration import Registration
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.interfaces import CandidateFilter
@@ -30,7 +33,7 @@ from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.pipeline.stages.solve import solve
 from wiclosure.pipeline.stages.stored_clouds import StoredClouds
 from wiclosure.pipeline.stages.viewer import NoViewer, Viewer
-from wiclosure.types import Float32Array, KeyframeId, Trajectory
+from wiclosure.types import BoolArray, Float32Array, FloatArray, KeyframeId, Trajectory
 from wiclosure.wiclosure_filter.registry import make_filter
 from wiclosure.workers import Workers
 
@@ -192,25 +195,31 @@ def _stages(fronts: Collection[FrontEndResult], solving: Mapping[str, float], ma
 def _map(fronts: dict[str, FrontEndResult], solution: Solution, config: Config) -> MergedMap:
     """The first component's clouds; what is not connected has no place in its frame."""
     first = solution.graph.components[0]
+    coloured = any(fronts[robot].intensities is not None for robot in first)
     clouds = (
         (number, pose, cloud)
         for number, (robot, front) in enumerate(fronts.items())
         if robot in first
-        for pose, cloud in zip(
-            solution.graph.trajectories[robot].poses,
-            _standing(front, solution.graph.trajectories[robot], config),
-            strict=True,
-        )
+        for pose, cloud in _placed(front, solution.graph.trajectories[robot], config, coloured)
     )
     return merge_maps(clouds, config.map)
 
 
-def _standing(front: FrontEndResult, merged: Trajectory, config: Config) -> Iterable[Float32Array]:
-    """A robot's clouds, without what moves where the settings say so."""
-    if config.map.moving_objects:
-        return front.clouds
-    voxel_m = (config.odometry.voxel_size_m or voxel_size_m(front.clouds[0])) / 2  # what keyframes are thinned to
-    return standing_points(front.clouds, merged.poses, voxel_m)
+def _placed(
+    front: FrontEndResult, merged: Trajectory, config: Config, coloured: bool
+) -> Iterator[tuple[FloatArray, Float32Array]]:
+    """Pose and cloud of a robot's keyframes, without what moves where the settings say so.
+
+    Where some robot has intensities, all clouds have a fourth column of them, NaN where they are not known.
+    """
+    masks: Iterator[BoolArray | None] = repeat(None)
+    if not config.map.moving_objects:
+        voxel_m = (config.odometry.voxel_size_m or voxel_size_m(front.clouds[0])) / 2  # what keyframes are thinned to
+        masks = standing(front.clouds, merged.poses, voxel_m)
+    unknown = (np.full(len(cloud), np.nan, np.float16) for cloud in front.clouds)
+    for pose, points, intensity in zip(merged.poses, front.clouds, front.intensities or unknown, strict=True):
+        cloud, mask = np.column_stack([points, intensity]) if coloured else points, next(masks)
+        yield pose, cloud if mask is None else cloud[mask]
 
 
 def _about_inputs(prepared: Prepared) -> list[str]:

@@ -67,3 +67,11 @@ def test_the_chance_is_the_binomial_tail_times_the_closures_it_may_start_from():
     of = ConsistentSet(np.arange(4), 0, 0.1, 10)
     assert of.log_chance == pytest.approx(np.log(10 * sum(binom.pmf(k, 9, 0.1) for k in range(3, 10))))
     assert ConsistentSet(np.arange(1), 0, 0.1, 10).log_chance == pytest.approx(np.log(10))
+
+
+def test_a_small_true_set_among_thousands_is_found():
+    """Two closures of a hundred, and of them next to none among any few hundred that are picked evenly."""
+    largest = compared(np.random.default_rng(5), (40,), unrelated=2000, noise=0.3).consistent_sets(LIMIT)[0]
+    assert np.isin(np.arange(40), largest.rows).all()
+    assert len(largest) <= 42
+    assert largest.log_chance < np.log(0.005)

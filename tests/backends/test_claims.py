@@ -33,6 +33,13 @@ def test_what_lies_beyond_is_left_out_and_nothing_nearer():
     np.testing.assert_allclose(cut[np.isfinite(cut)], exact[np.isfinite(cut)])
 
 
+def test_neighbours_bound_the_closures_that_agree():
+    of = claims(np.random.default_rng(4), 60)
+    agreeing = (of.distances(np.arange(60), beyond=1e9) <= 16.8).sum(axis=1)
+    assert (of.neighbours(16.8) >= agreeing).all()
+    assert np.median(claims(np.random.default_rng(4), 60, unrelated=True).neighbours(16.8)) < 5 < agreeing.min()
+
+
 def test_chance_is_told_without_the_agreement_of_true_closures():
     rng = np.random.default_rng(2)
     true, false = (chance_to_agree(claims(rng, 100, unrelated=u).chance_distances(), 16.8, 100) for u in (False, True))

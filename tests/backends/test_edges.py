@@ -50,11 +50,12 @@ def test_jacobians_are_those_of_small_motions():
     np.testing.assert_allclose(change, linear, atol=1e-3 * np.abs(linear).max())
 
 
-def test_perturbations_have_the_marginal_covariance():
+def test_samples_of_the_estimate_have_the_marginal_covariance():
     edges, truth = ring(2)
     system, rng = System.of(edges, len(truth), np.array([0])), np.random.default_rng(2)
     ones = np.ones(len(edges))
-    moved = system.perturbations(truth, ones, rng.normal(size=(len(edges), 6, 4000)))
+    poses, moved = system.sampled(truth, ones, rng.normal(size=(len(edges), 6, 4000)))
+    np.testing.assert_allclose(poses, system.solved(truth), atol=1e-9)
     H = np.linalg.inv(_normal_matrix(system, truth)[6:, 6:])
     for node in (5, 10, 19):
         block = slice(6 * (node - 1), 6 * node)

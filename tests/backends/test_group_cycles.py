@@ -70,6 +70,14 @@ def test_of_three_alike_that_contradict_each_other_none_holds(groups):
     assert all(c.refutation for c in sets)
 
 
+@pytest.mark.parametrize(("size", "falls"), [(5, [True] * 3), (12, [True, False, False])])
+def test_a_set_falls_alone_if_a_right_one_of_its_size_would_hardly_span_as_little(groups, size, falls):
+    sets = [groups.candidate(0, 1, size, shift=SHIFT), groups.candidate(1, 2, 20), groups.candidate(0, 2, 20)]
+    sets[0].coverage = 0.5
+    groups.settled(*sets)
+    assert [bool(c.refutation) for c in sets] == falls
+
+
 def test_of_two_rivals_the_one_that_closes_the_cycle_holds(groups):
     true, false = (groups.candidate(0, 1, 5, shift=moved, objection="ambiguous") for moved in (None, SHIFT))
     assert groups.settled(false, true, groups.candidate(1, 2, 5), groups.candidate(0, 2, 5)) == [

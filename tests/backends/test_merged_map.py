@@ -69,6 +69,16 @@ def test_no_points_make_an_empty_map(clouds):
     assert len(merged) == 0
 
 
+def test_intensity_is_the_mean_of_a_voxel_and_unknown_where_one_of_its_clouds_tells_none():
+    first = np.array([[0.1, 0.1, 0.1, 10.0], [3.1, 0.1, 0.1, 70.0]], np.float32)
+    second = np.array([[0.2, 0.1, 0.1, 30.0], [3.2, 0.1, 0.1, np.nan], [6.1, 0.1, 0.1, 5.0]], np.float32)
+    merged = merge_maps([(0, np.eye(4), first), (1, np.eye(4), second)], HALF_METRE)
+    assert merged.intensity is not None
+    order = np.argsort(merged.points[:, 0])
+    np.testing.assert_allclose(merged.intensity[order], [20.0, np.nan, 5.0])
+    assert merge_maps([(0, np.eye(4), first[:, :3])], HALF_METRE).intensity is None
+
+
 def test_points_that_are_not_finite_are_left_out():
     cloud = np.array([[1, 2, 3], [np.nan, 0, 0], [np.inf, 0, 0]], np.float32)
     np.testing.assert_allclose(merge_maps([(0, np.eye(4), cloud)], HALF_METRE).points, [[1, 2, 3]])

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.edges import Edges
-from wiclosure.backends.settling import Settled, graduated, outlier_limit, settle, truncated_cost
+from wiclosure.backends.settling import Settled, fewest_errors, graduated, outlier_limit, settle, truncated_cost
 
 SIGMA = np.repeat([0.01, 0.05], 3)
 NODES = 30
@@ -110,14 +110,14 @@ def test_a_scale_of_sigma_divides_distances_by_its_square():
 def test_gnc_finds_the_inliers_from_odometry_alone():
     odometry, loops, poses, truth = path(3)
     wrong = [0, 3, 4, 8, 11]
-    inlier, found = graduated(odometry, spoiled(loops, wrong), poses, HELD, LIMIT)
+    inlier, found = graduated(odometry, spoiled(loops, wrong), [poses], HELD, LIMIT)
     assert np.flatnonzero(~inlier).tolist() == wrong
     assert_same(found, truth, 0.3)
 
 
 def test_gnc_keeps_all_where_the_plain_answer_fits():
     odometry, loops, poses, truth = path(4, noise=0.0)
-    inlier, found = graduated(odometry, loops, poses, HELD, LIMIT)
+    inlier, found = graduated(odometry, loops, [poses], HELD, LIMIT)
     assert inlier.all()
     assert_same(found, truth, 1e-6)
 
@@ -133,3 +133,24 @@ def test_the_limit_is_above_chi_square_and_grows_with_the_closures():
 
 def test_the_cost_of_known_edges_is_whole_and_of_others_no_more_than_the_limit():
     assert truncated_cost(np.array([30.0, 1.0, 2.0, 50.0]), 2, 10.0) == 43.0
+
+
+def test_the_limit_is_the_lower_the_denser_outliers_lie():
+    assert fewest_errors(100, np.zeros(0), 35.0) == 35.0
+    far, near = (fewest_errors(100, np.full(5, distance), 35.0) for distance in (1e6, 45.0))
+    assert far > 0.95 * 35.0
+    assert chi2.ppf(0.95, 6) < near < 0.8 * 35.0
+
+
+def test_the_limit_makes_the_fewest_errors_of_closures_as_drawn():
+    """True ones by chi-square, false ones as dense everywhere: no other limit does clearly better."""
+    rng = np.random.default_rng(0)
+    true, false = rng.chisquare(6, 2000), 400.0 * rng.random(100_000) ** (1 / 3)
+    limit = 45.0
+    bound = fewest_errors(int((true <= limit).sum()), false[false > limit], limit)
+
+    def errors(at):
+        return (true > at).sum() + (false <= at).sum()
+
+    assert errors(bound) <= 1.5 * min(errors(at) for at in np.linspace(5.0, 45.0, 81))
+    assert errors(bound) < 0.5 * errors(limit)

@@ -123,6 +123,34 @@ def test_a_cloud_of_several_scans_shows_what_each_of_them_shows() -> None:
         assert whole < 0.3 < half
 
 
+@pytest.mark.parametrize("scans", [1, 3])
+def test_points_of_keyframes_keep_the_intensity_of_the_returns_they_stand_for(tmp_path: Path, scans: int) -> None:
+    """One half of the room is dark and one bright; some returns lie too far, some intensities are no numbers."""
+    run = start(keyframes=KeyframeSettings(distance_m=0.5, scans=scans))
+    for k in range(11):
+        pose = se3.from_yaw(0.02 * k, np.array([0.1 * k, 0.02 * k, 0.0]))
+        points = np.insert(room(pose), [0, 500], [[500.0, 0, 0], [0, 700.0, 0]], axis=0)
+        intensity = np.where(se3.transform(pose, points)[:, 0] > 0, 200.0, 20.0)
+        intensity[[0, 501]], intensity[7::50] = 9.0, np.nan
+        run.process(Scan(k * 100_000_000, points, intensity=intensity.astype(np.float32)))
+    (found,) = run.results()
+    found.save(tmp_path / "saved")
+    loaded = OdometryResult.load(tmp_path / "saved")
+    assert found.intensities is not None
+    assert loaded.intensities is not None
+    for index, cloud, seen, again in zip(
+        found.keyframe_indices, found.clouds, found.intensities, loaded.intensities, strict=True
+    ):
+        across = se3.transform(found.poses[index], np.asarray(cloud, float))[:, 0]
+        clear = np.abs(across) > 0.5
+        np.testing.assert_array_equal(seen[clear], np.where(across[clear] > 0, 200, 20))
+        np.testing.assert_array_equal(seen, again)
+
+
+def test_without_intensities_there_are_none() -> None:
+    assert walk(3, DriftModel()).intensities is None
+
+
 @pytest.mark.parametrize("damage", ["cut to 0", "cut to 10", "cut to 500", "a byte turned"])
 def test_damaged_saved_stages_are_one_clear_error(tmp_path: Path, damage: str) -> None:
     path = tmp_path / "alpha.cache"

@@ -11,7 +11,7 @@ import numpy as np
 from wiclosure.backends.merged_map import MergedMap
 from wiclosure.colours import ROBOT_COLOURS, robot_colour
 from wiclosure.pipeline.report.html.packing import along_curve, packed_bytes, packed_steps, unpacked_array
-from wiclosure.types import FloatArray, Trajectory
+from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
 MAP_POINTS = 300_000
 MAP_STEP_M = 0.02
@@ -19,6 +19,7 @@ PATH_STEP_M = 0.005
 PATH_POSES = 5_000
 PATHS_POSES = 15_000
 BESIDE_M = 10.0
+BRIGHTNESS_STEPS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +82,6 @@ def robot_entry(
         truth: `(N, 3)` m, ground truth laid over the path; None: there is none.
     """
     robot, most = path.robot, max(500, min(PATH_POSES, PATHS_POSES // robots))
-    own = odometry.positions - odometry.positions[0]
-    beside = np.array([0.0, -1.2 * number * max(float(np.ptp(own[:, 1])), BESIDE_M), 0.0])
     offset = placement.offset[robot]
 
     def packed(positions: FloatArray) -> dict[str, Any]:
@@ -93,7 +92,7 @@ def robot_entry(
         "colour": robot_colour(number),
         "connected": robot in placement.connected,
         "merged": packed(path.positions + offset),
-        "odometry": packed(own + beside),
+        "odometry": packed(odometry.positions - odometry.positions[0]),
         "keyframes": packed_steps(keyframes.positions + offset, PATH_STEP_M),
         "keyframe_times": packed_steps((keyframes.stamps_ns - odometry.stamps_ns[0]) * 1e-9, 1e-3),
         "truth": None if truth is None else packed(truth + offset),
@@ -117,13 +116,30 @@ def map_entry(merged: MergedMap, robots: int, offset: FloatArray) -> dict[str, A
     order = along_curve(points, MAP_STEP_M)
     palette = ROBOT_COLOURS[: min(robots, len(ROBOT_COLOURS))].astype(int)
     apart = [((merged.colours[rows].astype(int) - colour) ** 2).sum(axis=1) for colour in palette]
+    robot = np.argmin(apart, axis=0)
+    brightness = None if merged.intensity is None else _brightness(merged.intensity[rows], robot)
     return {
         "xyz": packed_steps(points[order], MAP_STEP_M),
-        "robot": packed_bytes(np.argmin(apart, axis=0)[order]),
+        "robot": packed_bytes(robot[order]),
+        "intensity": None if brightness is None else packed_bytes(brightness[order]),
         "heights_m": np.quantile(points[:, 2], [0.02, 0.98]).tolist(),
         "shown": len(rows),
         "of": len(merged),
     }
+
+
+def _brightness(intensity: Float32Array, robot: IntArray) -> IntArray | None:
+    """Rank `(N,)` of each point among its robot's, in steps 1 to 32; 0: not known; None: all are alike.
+
+    Sensors report reflectivity, power or counts, in 0 to 1, 255 or 65,535: ranks need no unit.
+    """
+    rank = np.zeros(len(intensity), np.int64)
+    for number in np.unique(robot):
+        own = np.flatnonzero((robot == number) & np.isfinite(intensity))
+        values = np.sort(intensity[own])
+        below = (np.searchsorted(values, intensity[own]) + np.searchsorted(values, intensity[own], "right")) / 2
+        rank[own] = 1 + (below * BRIGHTNESS_STEPS) // (len(own) or 1)
+    return rank if len(np.unique(rank[rank > 0])) > 1 else None
 
 
 def fewer_points(entry: dict[str, Any] | None, most: int) -> dict[str, Any] | None:
@@ -131,8 +147,10 @@ def fewer_points(entry: dict[str, Any] | None, most: int) -> dict[str, Any] | No
     if entry is None or entry["shown"] <= most:
         return entry
     rows = np.linspace(0, entry["shown"] - 1, most).round().astype(np.int64)
+    brightness = entry.get("intensity")
     return entry | {
         "xyz": packed_steps(unpacked_array(entry["xyz"])[rows], MAP_STEP_M),
         "robot": packed_bytes(unpacked_array(entry["robot"])[rows]),
+        "intensity": brightness and packed_bytes(unpacked_array(brightness)[rows]),
         "shown": most,
     }

@@ -38,7 +38,7 @@ def test_a_robot_keeps_both_ends_of_a_long_path() -> None:
     np.testing.assert_allclose(unpacked_array(entry["keyframe_times"]), np.arange(7))
     assert entry["colour"] == "#{:02x}{:02x}{:02x}".format(*ROBOT_COLOURS[3])
     assert entry["truth"] is None
-    assert unpacked_array(entry["odometry"])[0, 1] < 0  # each robot's own frame, side by side
+    np.testing.assert_array_equal(unpacked_array(entry["odometry"])[0], 0.0)
 
 
 def test_map_points_keep_their_robot() -> None:
@@ -55,6 +55,28 @@ def test_map_points_keep_their_robot() -> None:
     assert (fewer["shown"], fewer["of"]) == (100, 3_000)
     np.testing.assert_array_equal(unpacked_array(fewer["xyz"])[:, 0] > 0, unpacked_array(fewer["robot"]) == 1)
     assert fewer_points(entry, 3_000) is entry
+
+
+def test_intensity_is_ranked_among_each_robots_points_whatever_its_unit() -> None:
+    rng = np.random.default_rng(0)
+    robot = rng.integers(0, 2, 2_000)
+    height = rng.uniform(0, 10, 2_000)
+    intensity = np.where(robot == 0, height / 10, height**4).astype(np.float32)  # 0 to 1; 0 to 10,000
+    intensity[:5] = np.nan
+    points = np.column_stack([100.0 * robot, rng.uniform(0, 50, 2_000), height]).astype(np.float32)
+    merged = MergedMap(points, ROBOT_COLOURS[robot], intensity)
+    entry = map_entry(merged, 2, np.zeros(3))
+    assert entry is not None
+    shade, drawn = unpacked_array(entry["intensity"]).astype(float), unpacked_array(entry["xyz"])
+    assert np.count_nonzero(shade == 0) == 5
+    known = shade > 0
+    np.testing.assert_allclose(shade[known], drawn[known, 2] * 3.2, atol=2.5)
+    fewer = fewer_points(entry, 100)
+    assert fewer is not None
+    assert len(unpacked_array(fewer["intensity"])) == 100
+    alike = map_entry(MergedMap(points, ROBOT_COLOURS[robot], np.full(2_000, 7, np.float32)), 2, np.zeros(3))
+    assert alike is not None
+    assert alike["intensity"] is None
 
 
 def test_large_maps_are_thinned_and_empty_ones_left_out() -> None:
