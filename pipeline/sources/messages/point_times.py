@@ -77,9 +77,10 @@ class PointClock:
         values = raw.astype(np.float64 if raw.dtype.kind == "f" else np.int64, copy=False)
         if len(values) == 0:
             return None
-        if (size := counter_range(values)) is not None:
-            values = unwrapped(values, size, goes_on=self._own_sweeps > 0)
         first, last = values.min().item(), values.max().item()  # Python's numbers never overflow
+        if (size := counter_range(values, first, last)) is not None:
+            values = unwrapped(values, size, goes_on=self._own_sweeps > 0)
+            first, last = values.min().item(), values.max().item()
         if first == last and self._ns_per_unit is None:
             return None  # all at once, or a field that nobody filled
         span = float(last - first)
@@ -89,7 +90,7 @@ class PointClock:
         if span * self._ns_per_unit > LONGEST_SWEEP_S * 1e9:
             self._warn_once(span * self._ns_per_unit * 1e-9)
             return None
-        return self._relative(values, stamp_ns + self._epoch.before_1970_ns, self._ns_per_unit)
+        return self._relative(values, first, last, stamp_ns + self._epoch.before_1970_ns)
 
     @property
     def _is_own(self) -> bool:
@@ -103,12 +104,13 @@ class PointClock:
             return LONGEST_SWEEP_S * 1e9 * min(self._period_s, 1.0)
         return LONGEST_SWEEP_S * 1e9
 
-    def _relative(self, values: NDArray[Any], stamp_ns: int, ns_per_unit: int) -> FloatArray:
+    def _relative(self, values: NDArray[Any], first: Any, last: Any, stamp_ns: int) -> FloatArray:
         """Seconds after the stamp, by the nearer reference.
 
         Integers stay integers until the difference is taken: nanoseconds since 1970 do not fit a float64.
         """
-        unit_s, first, last = ns_per_unit * 1e-9, values.min().item(), values.max().item()
+        ns_per_unit = self._ns_per_unit or 1
+        unit_s = ns_per_unit * 1e-9
         stamp = stamp_ns // ns_per_unit if values.dtype.kind == "i" else stamp_ns / ns_per_unit
         beyond_zero = max(first, -last, 0) * unit_s
         beyond_stamp = max(first - stamp, stamp - last, 0) * unit_s
@@ -150,16 +152,20 @@ class PointClock:
             self._warned = True
 
 
-def strays(raw: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which of the recorded times `(N,)`, finite numbers, lie so far from nearly all others that they must be wrong."""
+def strays(raw: NDArray[Any]) -> NDArray[np.bool_] | None:
+    """Which of the recorded times `(N,)`, finite numbers, lie so far from nearly all others that they must be wrong.
+
+    None: none does.
+    """
     if len(raw) < _FEWEST:
-        return np.zeros(len(raw), bool)
+        return None
     rare = math.ceil(_RARE * len(raw))
     if _fill_both_ends(raw, rare):
-        return np.zeros(len(raw), bool)
+        return None
     times = raw.astype(np.float64, copy=False)  # good to 256 ns for nanoseconds since 1970: far below any span
     low, high = np.partition(times, [rare, len(times) - 1 - rare])[[rare, len(times) - 1 - rare]]
-    return np.asarray((times < low - (high - low)) | (times > high + (high - low)))
+    found = (times < low - (high - low)) | (times > high + (high - low))
+    return np.asarray(found) if found.any() else None
 
 
 def _fill_both_ends(raw: NDArray[Any], rare: int) -> bool:

@@ -17,11 +17,16 @@ _SOME = 8
 _FEWEST = 20
 
 
-def counter_range(raw: NDArray[Any]) -> int | None:
-    """The range of the counter that began anew within these times `(N,)`; None where it did not."""
+def counter_range(raw: NDArray[Any], first: float, last: float) -> int | None:
+    """The range of the counter that began anew within these times `(N,)`; None where it did not.
+
+    Args:
+        raw: the times.
+        first: the least of them.
+        last: the largest.
+    """
     if len(raw) < _FEWEST:
         return None
-    first, last = raw.min().item(), raw.max().item()
     span = last - first
     some = raw[::_SOME]
     if span <= 0 or ((some > first + 0.4 * span) & (some < last - 0.4 * span)).any():

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.formats.plausible import FURTHEST_M, LONGEST_QUATERNION
 from wiclosure.pipeline.sources.bag import Bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, usual_fields
 from wiclosure.types import FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -59,8 +60,8 @@ def frame_name(frame_id: str) -> str:
 def matrix(transform: _Transform) -> FloatArray | None:
     """`T_parent_child (4, 4)`, or None where the numbers are no transform."""
     p, q = transform.translation, transform.rotation
-    numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-    if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < 1e-9:
+    numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], float)
+    if not (np.abs(numbers[:3]) < FURTHEST_M).all() or not 1e-9 < np.abs(numbers[3:]).max() < LONGEST_QUATERNION:
         return None
     return se3.from_rotation_translation(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
 
@@ -82,10 +83,11 @@ class StaticTransforms:
         for name, topic in bag.topics.items():
             if name.endswith(_STATIC) and topic.msgtype in TF_TYPES and topic.is_ros:
                 for _, message in bag.messages(name):
-                    for stamped in cast("_TFMessage", message).transforms:
-                        T = matrix(stamped.transform)
-                        if T is not None:
-                            edges[frame_name(stamped.header.frame_id), frame_name(stamped.child_frame_id)] = T
+                    with usual_fields(f"{bag.path}, topic {name}"):
+                        for stamped in cast("_TFMessage", message).transforms:
+                            T = matrix(stamped.transform)
+                            if T is not None:
+                                edges[frame_name(stamped.header.frame_id), frame_name(stamped.child_frame_id)] = T
         return cls(edges)
 
     def between(self, target: str, source: str) -> FloatArray | None:

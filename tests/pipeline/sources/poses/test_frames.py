@@ -39,6 +39,9 @@ def test_a_message_is_a_matrix_unless_its_numbers_are_none():
     found = matrix(transform([1.0, 2.0, 3.0], [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]))
     np.testing.assert_allclose(found, se3.from_yaw(np.pi / 2, np.array([1.0, 2.0, 3.0])), atol=1e-12)
     assert matrix(transform([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])) is None
+    assert matrix(transform([0.0, 0.0, 0.0], [0.0, 0.0, np.nan, 1.0])) is None
+    assert matrix(transform([0.0, 0.0, 0.0], [0.0, 0.0, 1e200, 1.0])) is None
+    assert matrix(transform([0.0, 1e30, 0.0], [0.0, 0.0, 0.0, 1.0])) is None
     assert matrix(transform([np.nan, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])) is None
 
 
