@@ -24,7 +24,7 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 
 _MOST_ROBOTS = 4  # of larger teams there are too many orders to try
 _SIGMAS = 4.0
-_MIXED_UP = 0.05  # odds of each other order of the names: there are more ways to mix up three than two
+_MIXED_UP = 0.02  # odds of each other order of the names
 
 
 def contradictions(
