@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure.backends.edges import Edges, degrees_of_freedom
+from wiclosure.backends.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 
@@ -59,7 +60,10 @@ class Robots:
         """Of each robot."""
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
 
-    def scaled(self, scale: float) -> Robots:
-        """All standard deviations so many times as large."""
-        odometry, loops = (Edges(e.first, e.second, e.T, scale**2 * e.covariance) for e in (self.odometry, self.loops))
+    def scaled(self, factors: float | FloatArray) -> Robots:
+        """Standard deviations times one factor, or `(2, 2)` of odometry and closures, of rotation and translation."""
+        odometry, loops = (
+            Edges(e.first, e.second, e.T, restated(e.covariance, of))
+            for e, of in zip((self.odometry, self.loops), np.broadcast_to(factors, (2, 2)), strict=True)
+        )
         return replace(self, odometry=odometry, loops=loops)
