@@ -88,8 +88,7 @@ class IncrementalConsistency:
         apart = se3.adjoint(se3.inverse(T_b)) @ (wander_b - wander_a)
         spread = apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
         odometry = since_b + se3.rotate_covariance(se3.adjoint(se3.inverse(predicted)), since_a)
-        of_odometry, of_closures = merged.factors
-        covariance = spread + restated(odometry, of_odometry) + restated(closure_set.covariance, of_closures)
+        covariance = spread + restated(odometry + closure_set.covariance, merged.factors)
         distance = mahalanobis_squared(se3.log(se3.between(closure_set.T_a_b, predicted)), covariance)
         return np.asarray(
             distance <= outlier_limit(len(self._closures), self.settings.probability, team.robots.degrees)

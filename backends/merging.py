@@ -38,7 +38,7 @@ class MergedGroups:
         reason: by closure, where it is rejected.
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
-        factors: `(2, 2)` on the standard deviations of odometry and of closures, of rotation and of translation.
+        factors: `(2,)` on the standard deviations of rotation and of translation.
     """
 
     inlier: BoolArray
@@ -50,8 +50,8 @@ class MergedGroups:
 
     @property
     def scale(self) -> float:
-        """One factor: of the closures the larger."""
-        return float(self.factors[1].max())
+        """One factor: the larger."""
+        return float(self.factors.max())
 
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
@@ -87,7 +87,7 @@ def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settl
 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
-    """Factors `(2, 2)` that fit the merged groups better, within what is allowed; None if those they have do."""
+    """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
     inlier, group = merged.inlier, merged.group
     ends = robots.groups_of_ends(group)
     held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
@@ -161,7 +161,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
         settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
     reasons = _reasons(robots, group, settled, candidates)
-    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full((2, 2), scale))
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
 
 
 def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:

@@ -61,9 +61,8 @@ class Robots:
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
 
     def scaled(self, factors: float | FloatArray) -> Robots:
-        """Standard deviations times one factor, or `(2, 2)` of odometry and closures, of rotation and translation."""
+        """All standard deviations times one factor, or `(2,)` of rotation and translation."""
         odometry, loops = (
-            Edges(e.first, e.second, e.T, restated(e.covariance, of))
-            for e, of in zip((self.odometry, self.loops), np.broadcast_to(factors, (2, 2)), strict=True)
+            Edges(e.first, e.second, e.T, restated(e.covariance, factors)) for e in (self.odometry, self.loops)
         )
         return replace(self, odometry=odometry, loops=loops)

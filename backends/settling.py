@@ -8,7 +8,7 @@ pulls the estimate to itself, and its own residual would not tell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import f
@@ -40,7 +40,7 @@ class Settled:
         inlier: `(M,)` closures that the estimate rests on.
         distance: `(M,)` squared Mahalanobis distance of each closure from what the others predict; NaN outside groups.
         redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
-        components: what the residuals of odometry and inliers say of rotation and translation apart.
+        components: what the residuals say of rotation and translation apart.
     """
 
     poses: FloatArray
@@ -48,13 +48,17 @@ class Settled:
     inlier: BoolArray
     distance: FloatArray
     redundant: FloatArray
-    components: VarianceComponents
+    components: VarianceComponents = field(default_factory=VarianceComponents.none)
 
     def scaled(self, scale: float) -> Settled:
         """The same with all standard deviations so many times as large."""
         squared = scale**2
         return replace(
-            self, wander=scale * self.wander, distance=self.distance / squared, redundant=self.redundant / squared
+            self,
+            wander=scale * self.wander,
+            distance=self.distance / squared,
+            redundant=self.redundant / squared,
+            components=replace(self.components, squared=self.components.squared / squared),
         )
 
 
@@ -175,10 +179,10 @@ def settle(
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
     found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
     wander = se3.adjoint(poses) @ moved
-    used, of_odometry = np.concatenate([np.ones(count, bool), kept]), np.arange(len(distance)) < count
+    used = np.concatenate([np.ones(count, bool), kept])
     checked = np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
     expected = np.diagonal(covariance, axis1=1, axis2=2)
-    components = VarianceComponents.of(residuals[used], expected[used], of_odometry[used], degrees)
+    components = VarianceComponents.of(residuals[used], expected[used], degrees)
     return Settled(poses, wander, mask, found, distance[checked & used], components)
 
 
