@@ -6,7 +6,8 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.edges import Edges
-from wiclosure.backends.settling import Settled, fewest_errors, graduated, outlier_limit, settle, truncated_costfrom wiclosure.backends.variance_components import VarianceComponents
+from wiclosure.backends.settling import Settled, fewest_errors, graduated, outlier_limit, settle, truncated_cost
+from wiclosure.backends.variance_components import VarianceComponents
 
 SIGMA = np.repeat([0.01, 0.05], 3)
 NODES = 30
