@@ -2,10 +2,11 @@
 
     python benchmarks/coverage.py [--trials 100] [--seed 1]
 
-Worlds and radio are those of `systematic.py`; biases, scales and clocks are drawn from the priors of the calibration,
-odometry drifts as its model says.  A row tells, for alignments that are called certain, how often the stated 90 %
-region holds the truth: of yaw and place at the middle of the meeting (`alignment`), and of the horizontal displacement
-of kept pairs that were near each other in time (`prediction`), which is what the gate and the registration use.
+Worlds and radio are those of `systematic_worlds.py`; biases, scales and clocks are drawn from the priors of the
+calibration, odometry drifts as its model says.  A row tells, for alignments that are called certain, how often the
+stated 90 % region holds the truth: of yaw and place at the middle of the meeting (`alignment`), and of the horizontal
+displacement of kept pairs that were near each other in time (`prediction`), which is what the gate and the registration
+use.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import systematic
 from scipy import stats
+from systematic_faults import Case
+from systematic_worlds import WORLDS, Hearing, drifted, listen, wrap
 
 from wiclosure import se3
 from wiclosure.types import FilterResult, FloatArray, WirelessLog
@@ -75,32 +77,32 @@ class Coverage:
     predicted: list[float] = field(default_factory=list)
 
 
-def make(meeting: Meeting, rng: np.random.Generator) -> systematic.Case:
+def make(meeting: Meeting, rng: np.random.Generator) -> Case:
     """A case with constant errors."""
-    world = replace(systematic.WORLDS[meeting.world](2, rng), every=meeting.every)
-    odometry = {name: systematic.drifted(t, rng) for name, t in world.truth.items()}
+    world = replace(WORLDS[meeting.world](2, rng), every=meeting.every)
+    odometry = {name: drifted(t, rng) for name, t in world.truth.items()}
     for name, one in odometry.items():
         poses = one.poses.copy()
         poses[:, :3, 3] = poses[0, :3, 3] + (1 + rng.normal(0, PRIORS.scale)) * (poses[:, :3, 3] - poses[0, :3, 3])
         odometry[name] = replace(one, poses=poses)
     bias, scale = rng.normal(0, PRIORS.range_bias_m), 1 + rng.normal(0, PRIORS.range_scale)
     turned, late_ns = rng.normal(0, PRIORS.mounting_rad), round(rng.normal(0, PRIORS.clock_s) * 1e9)
-    heard = systematic.listen(world, systematic.Hearing(), rng)
+    heard = listen(world, Hearing(), rng)
     log = WirelessLog(
         tuple(
             replace(
                 m,
                 range_m=abs((m.range_m or 0.0) * scale + bias),
-                paths=tuple(replace(p, azimuth=systematic.wrap(p.azimuth + turned)) for p in m.paths),
+                paths=tuple(replace(p, azimuth=wrap(p.azimuth + turned)) for p in m.paths),
             )
             for m in heard.measurements
         )
     )
     odometry["b"] = replace(odometry["b"], stamps_ns=odometry["b"].stamps_ns + late_ns)
-    return systematic.Case(world.truth, odometry, meeting.log(log))
+    return Case(world.truth, odometry, meeting.log(log))
 
 
-def count(case: systematic.Case, result: FilterResult, covered: Coverage) -> None:
+def count(case: Case, result: FilterResult, covered: Coverage) -> None:
     """Adds a trial's outcome."""
     (alignment,) = result.alignments or (None,)
     if alignment is None or alignment.ambiguous or alignment.best is None or alignment.covariance is None:
@@ -121,7 +123,7 @@ def count(case: systematic.Case, result: FilterResult, covered: Coverage) -> Non
     covered.predicted.append(float(np.mean(chi2 < stats.chi2.ppf(PROBABILITY, 2))))
 
 
-def _off(case: systematic.Case, T_a_b: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _off(case: Case, T_a_b: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Error of yaw and horizontal place `(3,)` at the middle of the meeting, and its covariance."""
     stamps = [m.stamp_ns for m in case.log.measurements]
     row = int(np.argmin(np.abs(case.truth["a"].stamps_ns - stamps[len(stamps) // 2])))

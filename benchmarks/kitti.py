@@ -10,7 +10,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.drift import DriftModel
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
 
 DATA = Path(os.environ.get("WICLOSURE_DATA", Path(__file__).resolve().parent.parent.parent / "shared" / "data"))
 ROBOTS = ("alpha", "beta", "gamma")
@@ -32,10 +32,34 @@ class Team:
             {name: self.odometry[name].subset(rows) for name, rows in chosen.items()},
         )
 
+    def without_impossible(self) -> Team:
+        """Without the keyframes where the ground truth cannot be one."""
+        rows = {name: np.flatnonzero(~impossible(t)) for name, t in self.truth.items()}
+        return Team(
+            {name: t.subset(rows[name]) for name, t in self.truth.items()},
+            {name: t.subset(rows[name]) for name, t in self.odometry.items()},
+        )
+
     def worse(self, factor: float, seed: int) -> Team:
         """Odometry with planar errors added, so that it drifts `factor` >= 1 times as much as its drift model says."""
         rng = np.random.default_rng(seed)
         return Team(self.truth, {robot: _worse(t, np.sqrt(factor**2 - 1), rng) for robot, t in self.odometry.items()})
+
+
+def impossible(truth: Trajectory, over_m: float = 20.0, most_deg: float = 3.0) -> BoolArray:
+    """Poses `(N,)` of a car's ground truth whose motion over some metres leaves its own length by what no wheels allow.
+
+    The truth of 08 climbs 14 m in its first 40 m, at up to 35 degrees, while the car it states stays level.
+    """
+    ends = np.minimum(np.searchsorted(truth.distance, truth.distance + over_m), len(truth) - 1)
+    steps = np.diff(truth.positions, axis=0)
+    own = np.einsum("nji,nj->ni", truth.poses[:-1, :3, :3], steps)
+    along = np.concatenate([np.zeros((1, 3)), np.cumsum(own, axis=0)])
+    moved = along[ends] - along[np.arange(len(truth))]
+    steep = np.abs(moved[:, 2]) > np.tan(np.radians(most_deg)) * np.abs(moved[:, 0])
+    within = np.searchsorted(truth.distance, truth.distance - over_m)
+    counts = np.concatenate([[0], np.cumsum(steep)])
+    return counts[np.arange(len(truth)) + 1] > counts[within]
 
 
 def _worse(odometry: Trajectory, factor: float, rng: np.random.Generator) -> Trajectory:

@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.colours import robot_colour
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.plot_residuals import draw_agreement, draw_residuals
@@ -22,6 +23,8 @@ from wiclosure.wiclosure_filter.plot_residuals import draw_agreement, draw_resid
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import systematic
+import systematic_faults
+import systematic_worlds
 
 WALL_M = 6.0
 IMAGES = Path(__file__).parent / "images"
@@ -30,12 +33,12 @@ IMAGES = Path(__file__).parent / "images"
 def slip(folder: Path) -> None:
     """Residuals of two robots of which one is carried 5 m and turned by 30 degrees on its way."""
     rng = np.random.default_rng(3)
-    (fault,) = (one for one in systematic.FAULTS if one.name == "slip 5 m, 30 deg")
-    case = systematic.make(systematic.site(2, rng), fault, rng)
+    (fault,) = (one for one in systematic_faults.FAULTS if one.name == "slip 5 m, 30 deg")
+    case = systematic.make(systematic_worlds.site(2, rng), fault, rng)
     chosen = WiClosureFilter()
     links = chosen.gather(case.odometry, case.log).by_pair
     alignment = chosen.align(case.odometry, links)["a", "b"]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.1), layout="constrained")
     assert alignment.fit is not None
     assert alignment.best is not None
     draw_agreement(left, alignment.fit)
@@ -46,13 +49,17 @@ def slip(folder: Path) -> None:
 def mirror(folder: Path) -> None:
     """Robot b where it is, and behind the wall that shows its image, with the bearings that a hears."""
     rng = np.random.default_rng(5)
-    world = replace(systematic.roaming(2, rng), every=12)
-    log = systematic.listen(world, systematic.Hearing(mirror=WALL_M, mirror_only=0.5), rng)
+    world = replace(systematic_worlds.roaming(2, rng), every=12)
+    log = systematic_worlds.listen(world, systematic_worlds.Hearing(mirror=WALL_M, mirror_only=0.5), rng)
     a, b = world.truth["a"], world.truth["b"]
-    figure, axes = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
+    figure, axes = plt.subplots(figsize=(5.6, 6.0), layout="constrained")
     image = b.positions * [1, -1, 1] + [0, 2 * WALL_M, 0]
-    for path, label, style in ((a.positions, "a", "C0-"), (b.positions, "b", "C2-"), (image, "b by its image", "C3--")):
-        axes.plot(path[:, 0], path[:, 1], style, label=label)
+    for path, label, number, style in (
+        (a.positions, "a", 0, "-"),
+        (b.positions, "b", 1, "-"),
+        (image, "b's image", 1, "--"),
+    ):
+        axes.plot(path[:, 0], path[:, 1], style, color=robot_colour(number), linewidth=2.5, label=label)
     for measured in log.measurements:
         pose = a.at(np.array([measured.stamp_ns]))[0]
         for path in measured.paths:
@@ -61,8 +68,9 @@ def mirror(folder: Path) -> None:
     axes.set_aspect("equal")
     axes.set_xlim(-5, 55)
     axes.set_ylim(-45, 55)
-    axes.set_xlabel("m")
-    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5))
+    axes.set(xlabel="x, m", ylabel="y, m")
+    axes.plot([], [], ".-", color="0.6", linewidth=0.7, label="direction and range that a hears")
+    figure.legend(fontsize=11, loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(folder / "filter_mirror.png", dpi=110)
 
 

@@ -18,8 +18,10 @@ import open3d as o3d
 from matplotlib.axes import Axes
 
 from wiclosure import Trajectory, read_tum, se3
+from wiclosure.colours import robot_colour
+from wiclosure.display import significant
 
-BLUE, ORANGE, RED, GREY = "#0072b2", "#e69f00", "#c8102e", "#8c8c8c"
+BLUE, ORANGE, RED, GREY, INK = robot_colour(0), robot_colour(1), "#c8102e", "#8c8c8c", "#1d2329"
 
 
 def poses(folder: Path, name: str) -> Trajectory:
@@ -38,23 +40,18 @@ def draw(axes: Axes, folder: Path, hall: np.ndarray, T_map_world: np.ndarray) ->
     axes.plot(*hall.T, "s", ms=1.6, color=GREY, rasterized=True, zorder=0)
     apart_m = float(np.linalg.norm(merged - truth, axis=1).max())
     if apart_m > 1.0:
-        axes.plot(*truth.T, "--", color=ORANGE, lw=2.5, label="where beta really drove")
+        axes.plot(*truth.T, "--", color=INK, lw=2.0, label="where beta really drove")
         for i in (0, -1):
             axes.annotate("", merged[i], truth[i], arrowprops={"arrowstyle": "->", "color": RED, "lw": 1.6})
     axes.plot(*(to_map @ alpha.poses)[:, :2, 3].T, color=BLUE, lw=4, label="robot alpha")
-    axes.plot(
-        *merged.T,
-        color=RED if apart_m > 1.0 else ORANGE,
-        lw=4,
-        label="robot beta, merged wrongly" if apart_m > 1.0 else "robot beta",
-    )
+    axes.plot(*merged.T, color=ORANGE, lw=4, label="robot beta, as merged")
     metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     closures = metrics["closures"]
     title = "Without radio" if metrics["filter"] == "none" else "With four radio measurements"
     accepted, false = closures["accepted"], closures["accepted_false"]
     count = "all" if false == accepted else false or "none"
     axes.set_title(
-        f"{title}: {metrics['ate_m']['team']:.2g} m off\n{accepted} closures accepted, {count} of them false",
+        f"{title}: {significant(metrics['ate_m']['team'])} m off\n{accepted} closures accepted, {count} of them false",
         fontsize=18,
     )
     axes.set_aspect("equal")

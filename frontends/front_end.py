@@ -17,6 +17,7 @@ from wiclosure.frontends.keyframes import KeyframeCollector, Registered
 from wiclosure.frontends.odometry import make_odometry
 from wiclosure.frontends.scan_context import describe
 from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
+from wiclosure.interfaces import Hold
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 
 __all__ = ["Followed", "FrontEndResult", "OdometryRun", "describe_all", "describe_shifted"]
@@ -65,6 +66,7 @@ class OdometryRun:
         self._stamps_ns: list[int] = []
         self._scan_stamps_ns: list[int] = []
         self._poses: list[FloatArray] = []
+        self._holds: list[Hold] = []
         self._scans = self._sparse = self._late = self._outside = 0
         self._seconds = self._seconds_reading = 0.0
 
@@ -111,6 +113,10 @@ class OdometryRun:
                 + "; check the topic and odometry.min_range_m and max_range_m"
             )
         stamps_ns, poses = np.array(self._stamps_ns, np.int64), np.array(self._poses)
+        found_again, lost = (
+            np.array([n for n, hold in enumerate(self._holds) if hold is one], np.int64)
+            for one in (Hold.FOUND_AGAIN, Hold.LOST)
+        )
         counts = FrontEndCounts(self._scans, self._sparse, self._late, self._outside)
         return tuple(
             OdometryResult(
@@ -123,6 +129,8 @@ class OdometryRun:
                 counts=counts,
                 seconds=self._seconds,
                 seconds_reading=self._seconds_reading,
+                found_again=found_again,
+                lost=lost,
             )
             for kept in self._keyframes
         )
@@ -149,6 +157,7 @@ class OdometryRun:
         self._stamps_ns.append(stamp_ns)
         self._scan_stamps_ns.append(scan.stamp_ns)
         self._poses.append(T_odom_body)
+        self._holds.append(self._odometry.hold)
         index = len(self._poses) - 1
         intensity = None if scan.intensity is None else scan.intensity[self._odometry.kept]
         registered = Registered(T_odom_body, points, intensity)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
-from wiclosure.frontends.slips import Slips, find_slips, opened
+from wiclosure.frontends.slips import Slips, find_slips, lost_steps, opened
 from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
 
 
@@ -35,6 +35,10 @@ class FrontEndCounts:
     outside: int = 0
 
 
+def _no_scans() -> IntArray:
+    return np.zeros(0, np.int64)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryResult:
     """The path of one robot, and the clouds of its keyframes.
@@ -49,6 +53,8 @@ class OdometryResult:
         seconds: wall time of following the scans.
         seconds_reading: wall time of waiting for them.
         intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
+        found_again: indices of scans that did not fit where odometry put them first, and fit where it found them again.
+        lost: indices of scans that fit nowhere.
     """
 
     stamps_ns: IntArray
@@ -60,6 +66,8 @@ class OdometryResult:
     seconds: float
     seconds_reading: float
     intensities: tuple[NDArray[np.float16], ...] | None = None
+    found_again: IntArray = field(default_factory=_no_scans)
+    lost: IntArray = field(default_factory=_no_scans)
 
     def __repr__(self) -> str:
         return f"OdometryResult({len(self.poses)} of {self.counts.scans} scans followed, {len(self.clouds)} keyframes)"
@@ -79,6 +87,8 @@ class OdometryResult:
             seconds=np.array(self.seconds),
             seconds_reading=np.array(self.seconds_reading),
             **known,
+            found_again=self.found_again,
+            lost=self.lost,
         )
 
     @classmethod
@@ -100,6 +110,8 @@ class OdometryResult:
                 seconds=float(content["seconds"]),
                 seconds_reading=float(content["seconds_reading"]),
                 intensities=None if intensities is None else tuple(np.split(intensities, inner)),
+                found_again=content["found_again"],
+                lost=content["lost"],
             )
 
 
@@ -152,6 +164,7 @@ class FrontEndResult:
         seconds_descriptors: wall time of describing them.
         slips: steps of the odometry that count as unknown by how far they are off.
         intensities: K arrays `(N_k,)` of the clouds' points, in the sensor's own unit; None where it tells none.
+        found_again_ns: stamps of scans that odometry had lost for a moment.
     """
 
     robot: str
@@ -167,6 +180,7 @@ class FrontEndResult:
     seconds_descriptors: float
     slips: Slips = field(default_factory=Slips.none)
     intensities: tuple[NDArray[np.float16], ...] | None = None
+    found_again_ns: IntArray = field(default_factory=_no_scans)
 
     def __repr__(self) -> str:
         scans, length_m = len(self.odometry), self.odometry.distance[-1]
@@ -176,7 +190,7 @@ class FrontEndResult:
     def of(cls, robot: str, drift: DriftModel, followed: OdometryResult, described: Descriptors) -> Self:
         """Puts together what the stages found."""
         plain = Trajectory(robot, followed.stamps_ns, followed.poses, drift)
-        slips = find_slips(plain)
+        slips = find_slips(plain) + lost_steps(plain, followed.lost)
         odometry = opened(plain, slips)
         return cls(
             robot=robot,
@@ -192,6 +206,7 @@ class FrontEndResult:
             seconds_descriptors=described.seconds,
             slips=slips,
             intensities=followed.intensities,
+            found_again_ns=followed.stamps_ns[followed.found_again],
         )
 
     def slipping(self, more: Slips) -> Self:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import logging
+from typing import Any
 
 import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
-from kiss_icp.threshold import get_threshold_estimator
 
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.deskewing import deskewed
+from wiclosure.frontends.hold import HoldingRegistration
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
+from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -22,7 +24,7 @@ logger = logging.getLogger(__name__)
 # Stamps jitter: a sweep within this share of the time between scans is taken to fill it, as KISS-ICP assumes.
 _JITTER = 0.25
 
-_FARTHEST_SHARE = 0.99  # of the first scan's points; single ones seen through a door are beyond
+_SEARCHED_VOXELS = 2.0  # how far the neighbours of a voxel reach
 
 
 class KissOdometry:
@@ -68,6 +70,11 @@ class KissOdometry:
         return self._kiss.preprocessor.kept
 
     @property
+    def hold(self) -> Hold:
+        """Whether the last scan fits the one before, where it was put."""
+        return Hold.HELD if self._kiss is None else self._kiss.registration.hold
+
+    @property
     def thinned(self) -> FloatArray:
         """The last scan's points as they went into the map: `(M, 3)`, one per voxel of half `voxel_size_m`.
 
@@ -105,26 +112,35 @@ class KissOdometry:
             )
         )
         kiss.preprocessor = _SweepPreprocessor(settings)
-        kiss.adaptive_threshold = get_threshold_estimator(_seen_range(kiss.config, first))
+        kiss.registration = HoldingRegistration(kiss.registration, lambda: kiss.frame_downsample, self.voxel_size_m)
+        kiss.adaptive_threshold = _BoundedThreshold(kiss.adaptive_threshold, _SEARCHED_VOXELS * self.voxel_size_m)
         return kiss
 
 
-def _seen_range(config: KISSConfig, first: Scan) -> KISSConfig:
-    """With the range that this sensor sees here, in place of the farthest that is used.
+class _BoundedThreshold:
+    """KISS-ICP's adaptive threshold, no wider than its map is searched.
 
-    KISS-ICP searches for matches as far as an unforeseen turn moves a point at that range.  Where walls are 20 m away
-    and the limit is 100 m, a few degrees open the search to whole rooms, and it settles where it should not.
+    It widens to what an unforeseen turn moves a point at the sensor's range: 75 m in rooms.  But matches are looked for
+    in the neighbouring voxels only, and a kernel far wider than these weighs wrong ones as much as true ones.
     """
-    ranges = np.linalg.norm(first.points, axis=1)
-    seen_m = float(np.quantile(ranges[np.isfinite(ranges)], _FARTHEST_SHARE))
-    data = config.data.model_copy(update={"max_range": min(config.data.max_range, max(seen_m, config.data.min_range))})
-    return config.model_copy(update={"data": data})
+
+    def __init__(self, threshold: Any, most_m: float) -> None:
+        self._threshold, self._most_m = threshold, most_m
+
+    def get_threshold(self) -> float:
+        """The standard deviation that is expected of the prediction, m."""
+        return min(float(self._threshold.get_threshold()), self._most_m)
+
+    def update_model_deviation(self, model_deviation: FloatArray) -> None:
+        """By how much the last prediction was off, `(4, 4)`."""
+        self._threshold.update_model_deviation(model_deviation)
 
 
 class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
     """KISS-ICP that keeps the thinned scan: thinning it again for keyframes would take as long as describing it."""
 
     frame_downsample: FloatArray
+    registration: HoldingRegistration
     preprocessor: _SweepPreprocessor
 
     def voxelize(self, iframe: FloatArray) -> tuple[FloatArray, FloatArray]:

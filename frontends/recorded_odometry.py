@@ -10,6 +10,7 @@ from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
+from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, Float32Array, FloatArray, Scan, Trajectory
 
 _LONGEST_STEP_NS = 10**9  # between sparser poses, more than interpolation would be guessed
@@ -41,6 +42,11 @@ class RecordedOdometry:
         self.kept = within_range(scan.points, self._settings)
         self._points = points = self._deskewed(scan, T_odom_body)[self.kept]
         return stamp_ns, T_odom_body, points
+
+    @property
+    def hold(self) -> Hold:
+        """Whether it holds, scans do not tell here: the poses stand."""
+        return Hold.HELD
 
     @property
     def thinned(self) -> Float32Array:

@@ -102,6 +102,21 @@ def find_slips(odometry: Trajectory) -> Slips:
     return Slips(index + 2, stamps_ns, departure_m[index], departure_rad[index], gross[index])
 
 
+def lost_steps(odometry: Trajectory, index: IntArray) -> Slips:
+    """Steps to scans that fit nowhere: unknown by as much as the robot may have moved.
+
+    Args:
+        odometry: `T_odom_body` of all scans.
+        index: `(S,)` poses of these scans, from the first on.
+    """
+    index = index[index > 0]
+    before = np.maximum(index - 2, 0)
+    steps = se3.log(se3.between(odometry.poses[index - 1], odometry.poses[index]))
+    earlier = se3.log(se3.between(odometry.poses[before], odometry.poses[index - 1]))
+    far = np.linalg.norm(steps.reshape(-1, 2, 3), axis=2) + np.linalg.norm(earlier.reshape(-1, 2, 3), axis=2)
+    return Slips(index, odometry.stamps_ns[index], far[:, 1], far[:, 0], np.ones(len(index), bool))
+
+
 def turned_otherwise(odometry: Trajectory, rates: TurningRates, R_body_imu: FloatArray) -> Slips:
     """Steps that turn otherwise than a gyroscope felt, by far more than most do.
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from wiclosure.errors import ConfigError
 from wiclosure.simulation.names import lookup
-from wiclosure.simulation.scene import Scene
-from wiclosure.types import Float32Array, FloatArray, IntArray, Scan
+from wiclosure.simulation.scene import Scene, cast_at
+from wiclosure.simulation.traffic import Traffic
+from wiclosure.types import BoolArray, Float32Array, FloatArray, IntArray, Scan
 
 _GREATEST_ELEVATION_ERROR_DEG = 5.0
 
@@ -134,14 +135,31 @@ PoseAt = Callable[[IntArray], FloatArray]
 """`T_world_sensor (N, 4, 4)` at stamps `(N,)`, nanoseconds."""
 
 
-def sweep(lidar: Individual, scene: Scene, pose_at: PoseAt, stamp_ns: int, rng: np.random.Generator) -> Scan:
-    """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time."""
+def sweep(
+    lidar: Individual,
+    scene: Scene,
+    pose_at: PoseAt,
+    stamp_ns: int,
+    rng: np.random.Generator,
+    traffic: Traffic | None = None,
+) -> tuple[Scan, BoolArray]:
+    """One turn that starts at `stamp_ns`, every column fired from where the sensor is at that time.
+
+    Returns:
+        The scan, and `(N,)` which of its points are of what moves.
+    """
     model, beams = lidar.model, len(lidar.range_error_m)
     T_world_sensor = _column_poses(model, pose_at, stamp_ns)
     rays = np.empty((model.columns, beams, 6), np.float32)
     rays[..., :3] = T_world_sensor[:, None, :, 3]
     np.matmul(lidar.true_directions, np.swapaxes(T_world_sensor[:, :, :3], 1, 2), out=rays[..., 3:])
     true_m, cosine = scene.cast(rays.reshape(-1, 6))
+    moving = np.zeros(len(true_m), bool)
+    if traffic is not None:
+        there = traffic.seen(pose_at(np.array([stamp_ns]))[0], stamp_ns, model.period_ns, model.max_range_m)
+        passing = cast_at(there, rays.reshape(-1, 6))
+        moving = passing.distance_m < true_m
+        true_m, cosine = np.where(moving, passing.distance_m, true_m), np.where(moving, passing.cosine, cosine)
     range_m = rng.standard_normal(len(true_m), dtype=np.float32)
     range_m *= np.float32(model.range_sigma_m)
     range_m += true_m
@@ -154,7 +172,8 @@ def sweep(lidar: Individual, scene: Scene, pose_at: PoseAt, stamp_ns: int, rng: 
     )
     points = np.take(model.directions.reshape(-1, 3), seen, axis=0)
     points *= np.take(range_m, seen)[:, None]
-    return Scan(stamp_ns, points.astype(np.float64), np.take(model.ray_times_s, seen), np.take(cosine, seen))
+    scan = Scan(stamp_ns, points.astype(np.float64), np.take(model.ray_times_s, seen), np.take(cosine, seen))
+    return scan, moving[seen]
 
 
 def _column_poses(model: LidarModel, pose_at: PoseAt, stamp_ns: int) -> Float32Array:

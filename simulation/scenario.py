@@ -16,7 +16,8 @@ from wiclosure.simulation.motion import START_NS, Motion
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless
 from wiclosure.simulation.scene import Scene
-from wiclosure.types import FloatArray, GnssLog, ImuLog, IntArray, Scan, Trajectory, WirelessLog
+from wiclosure.simulation.traffic import Traffic
+from wiclosure.types import BoolArray, FloatArray, GnssLog, ImuLog, IntArray, Scan, Trajectory, WirelessLog
 
 _BODY_RADIUS_M = 0.3
 
@@ -30,6 +31,7 @@ class SimulatedScans:
         scene, lidar, motion: what is seen, with what, from where.
         seed: makes the noise; scan k has the same noise however many scans are read before it.
         scans: how many.
+        traffic: what moves there, or None.
     """
 
     description: str
@@ -38,6 +40,7 @@ class SimulatedScans:
     motion: Motion
     seed: tuple[int, ...]
     scans: int
+    traffic: Traffic | None = None
 
     def __len__(self) -> int:
         return self.scans
@@ -52,9 +55,13 @@ class SimulatedScans:
 
     def scan(self, index: int) -> Scan:
         """The scan of that index."""
+        return self.labelled(index)[0]
+
+    def labelled(self, index: int) -> tuple[Scan, BoolArray]:
+        """The scan of that index, and `(N,)` which of its points are of what moves."""
         rng = np.random.default_rng([*self.seed, 1, index])
         stamp_ns = START_NS + index * self.lidar.period_ns
-        return sweep(self._individual, self.scene, self.motion.T_world_body, stamp_ns, rng)
+        return sweep(self._individual, self.scene, self.motion.T_world_body, stamp_ns, rng, self.traffic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +77,7 @@ class Scenario:
         seed: of all noise.
         imu: that all robots carry, or None.
         gnss: likewise.
+        traffic: what moves besides the robots, or None.
 
     Raises:
         ConfigError: no robot, or a robot that drives through something.
@@ -83,6 +91,7 @@ class Scenario:
     seed: int = 0
     imu: ImuSettings | None = None
     gnss: GnssSettings | None = None
+    traffic: Traffic | None = None
 
     def __post_init__(self) -> None:
         if not self.robots:
@@ -100,6 +109,7 @@ class Scenario:
             motion,
             (self.seed, list(self.robots).index(robot)),
             motion.duration_ns // self.lidar.period_ns,
+            self.traffic,
         )
 
     def ground_truth(self, robot: str) -> Trajectory:

@@ -21,6 +21,7 @@ from wiclosure.simulation.radio import RadioSettings
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scene import Scene
 from wiclosure.simulation.schedule import read_schedule
+from wiclosure.simulation.traffic import Traffic, TrafficSettings
 
 
 class ScenarioSettings(Settings):
@@ -37,6 +38,7 @@ class ScenarioSettings(Settings):
     schedule: Path | None = Field(None, description="CSV file of the times when robots can talk (read_schedule)")
     radio: RadioSettings = Field(RadioSettings(), description="what is set here replaces the scenario's own value")
     imu: ImuSettings | None = Field(None, description="an IMU on every robot, where any of it is set")
+    traffic: TrafficSettings | None = Field(None, description="cars and people that move, where any of it is set")
     gnss: GnssSettings | None = Field(None, description="a satellite receiver on every robot, where any of it is set")
 
 
@@ -100,7 +102,10 @@ def make_scenario(name: str, settings: ScenarioSettings | None = None) -> Scenar
             settings.poses,
         )
     )
-    scenario = replace(scenario, imu=settings.imu, gnss=settings.gnss)
+    traffic = None
+    if settings.traffic is not None:
+        traffic = Traffic.along(scenario.robots, scenario.scene, settings.traffic, settings.seed)
+    scenario = replace(scenario, imu=settings.imu, gnss=settings.gnss, traffic=traffic)
     for robot in {end for window in scenario.radio.schedule or () for end in (window.robot_a, window.robot_b) if end}:
         lookup("robot", robot, scenario.robots)
     return scenario

@@ -66,24 +66,12 @@ class Scene:
 
     @cached_property
     def _raycaster(self) -> o3d.t.geometry.RaycastingScene:
-        import open3d as o3d  # takes over a second: only where rays are cast
-
-        scene = o3d.t.geometry.RaycastingScene()
         # In this order: the ground has geometry id 0, then follows what stops radio too.
-        for mesh in (self.ground.mesh(), self.solid, self.slight):
-            if len(mesh.triangles):
-                scene.add_triangles(
-                    o3d.core.Tensor.from_numpy(mesh.vertices), o3d.core.Tensor.from_numpy(mesh.triangles)
-                )
-        return scene
+        return _raycaster(self.ground.mesh(), self.solid, self.slight)
 
     def cast(self, rays: Float32Array) -> RayHits:
         """First hits of `rays (N, 6)`: origin and unit direction."""
-        import open3d as o3d
-
-        hits = self._raycaster.cast_rays(o3d.core.Tensor.from_numpy(rays))
-        normal = hits["primitive_normals"].numpy()
-        return RayHits(hits["t_hit"].numpy(), np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:])))
+        return _cast(self._raycaster, rays)
 
     def obstacles(self, start_m: FloatArray, end_m: FloatArray) -> IntArray:
         """How many solid surfaces `(N,)` lie between the points `start_m (N, 3)` and `end_m (N, 3)`."""
@@ -105,6 +93,31 @@ class Scene:
 
         points = o3d.core.Tensor.from_numpy(points_m.astype(np.float32))
         return np.asarray(self._raycaster.compute_distance(points).numpy(), np.float64)
+
+
+def cast_at(mesh: Mesh, rays: Float32Array) -> RayHits:
+    """First hits of `rays (N, 6)` on a shape that stands there for a moment only."""
+    if not len(mesh.triangles):
+        return RayHits(np.full(len(rays), np.inf, np.float32), np.ones(len(rays), np.float32))
+    return _cast(_raycaster(mesh), rays)
+
+
+def _raycaster(*meshes: Mesh) -> o3d.t.geometry.RaycastingScene:
+    import open3d as o3d  # takes over a second: only where rays are cast
+
+    scene = o3d.t.geometry.RaycastingScene()
+    for mesh in meshes:
+        if len(mesh.triangles):
+            scene.add_triangles(o3d.core.Tensor.from_numpy(mesh.vertices), o3d.core.Tensor.from_numpy(mesh.triangles))
+    return scene
+
+
+def _cast(raycaster: o3d.t.geometry.RaycastingScene, rays: Float32Array) -> RayHits:
+    import open3d as o3d
+
+    hits = raycaster.cast_rays(o3d.core.Tensor.from_numpy(rays))
+    normal = hits["primitive_normals"].numpy()
+    return RayHits(hits["t_hit"].numpy(), np.abs(np.einsum("ij,ij->i", normal, rays[:, 3:])))
 
 
 LEAST_REFLECTOR_M = 2.0

@@ -29,3 +29,8 @@ def test_the_kinds_are_disjoint():
 def test_the_public_names_are_these_classes():
     for kind in ALL:
         assert getattr(wiclosure, kind.__name__) is kind
+
+
+def test_errors_are_one_line_whatever_they_name():
+    error = errors.InputError("a.bag holds /points (a\ntype\x1b[31m of\r\n\tlines)")
+    assert str(error) == "a.bag holds /points (a type\\x1b[31m of lines)"

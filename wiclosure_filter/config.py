@@ -79,7 +79,9 @@ class CalibrationPriors(Settings):
     range_scale: float = Field(0.003, gt=0.0, description="ratio by which ranges are longer than odometry has them")
     clock_s: float = Field(0.1, gt=0.0, description="s between two robots' clocks: network time over a busy radio")
     mounting_rad: float = Field(0.05, gt=0.0, description="rad, by which an antenna array is mounted turned")
-    scale: float = Field(0.02, gt=0.0, description="ratio by which odometry is too long or too short")
+    scale: float = Field(
+        0.01, gt=0.0, description="ratio by which odometry is too long or too short: 0.5 % of LiDAR, 1 to 2 % of wheels"
+    )
 
 
 class AlignmentSettings(Settings):

@@ -26,8 +26,10 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.diagnosis import STRAINED, likeliest_fault, with_fault
+from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault, worth_a_diagnosis
+from wiclosure.wiclosure_filter.faults.rereading import reread
 from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
+from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
@@ -78,7 +80,7 @@ class WiClosureFilter:
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         kept = self.search(shared)
         pairs = tuple(
-            kept[pair] if pair in kept else self._unjoined(pair, trajectories, links, alignments.get(pair))
+            kept[pair] if pair in kept else self._unjoined(pair, trajectories, wireless, links, alignments.get(pair))
             for pair in robot_pairs(list(trajectories))
         )
         # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
@@ -141,13 +143,17 @@ class WiClosureFilter:
         for pair, alignment in list(alignments.items()):
             if objection and not alignment.ambiguous:
                 alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
-        for pair, alignment in list(alignments.items()):
-            strained = alignment.strain_probability < STRAINED
-            if mixed_up is None and not alignment.suspected_fault and not strained:
+        faults = {}
+        for pair, alignment in alignments.items():
+            if mixed_up is None and not worth_a_diagnosis(alignment):
                 continue
             fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
-            alignments[pair] = with_fault(alignment, fault)
-            if fault is not None and fault.of_log and self.settings.accept_correction:
+            if fault is not None:
+                faults[pair] = fault
+        alignments |= without_refuted(alignments, links, faults)
+        for pair, fault in outvoted(faults, alignments).items():
+            alignments[pair] = with_fault(alignments[pair], fault)
+            if fault.of_log and self.settings.accept_correction:
                 links[pair] = self.gather(*fault.apply((trajectories, wireless))).by_pair[pair]
                 corrected = align(links[pair], trajectories, settings)
                 alignments[pair] = replace(corrected, corrections=(fault.fault,))
@@ -183,6 +189,7 @@ class WiClosureFilter:
         self,
         pair: RobotPair,
         trajectories: Mapping[str, Trajectory],
+        wireless: WirelessLog,
         links: Mapping[RobotPair, Links],
         alignment: FrameAlignment | None,
     ) -> CandidatePairs:
@@ -197,8 +204,13 @@ class WiClosureFilter:
             return CandidatePairs.without_prediction(a, b, none, none)
         both = {robot: trajectories[robot] for robot in pair}
         if alignment is not None:
-            gate = make_gate(self.settings.gate)
-            alternatives = AlternativeEstimates.of(alignment, lambda one: self.share(both, links, [one]), gate)
+            gate, limits = make_gate(self.settings.gate), GatheringLimits.of(self.settings.alignment)
+
+            def shared(one: FrameAlignment) -> SharedTrajectory:
+                read, own = reread(one, links[pair], both, wireless, limits)
+                return self.share(both, {pair: own}, [read])
+
+            alternatives = AlternativeEstimates.of(alignment, shared, gate)
             if alternatives is not None:
                 parts = [find_overlap(model, gate) for model in alternatives.models(a, b, gate)]
                 return self._kept(pair, KeptPairs.united(parts), alternatives)

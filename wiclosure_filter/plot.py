@@ -251,8 +251,8 @@ def _road(axes: Axes, positions: FloatArray, color: str, label: str | None) -> N
     axes.plot(positions[:, 0], positions[:, 1], color=color, linewidth=1.2, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.tick_params(labelsize=7)
-    axes.set_xlabel("x in m", fontsize=7)
-    axes.set_ylabel("y in m", fontsize=7)
+    axes.set_xlabel("x in m", fontsize=9)
+    axes.set_ylabel("y in m", fontsize=9)
 
 
 def _lines(axes: Axes, lines: FloatArray, color: str, label: str) -> None:

@@ -29,8 +29,9 @@ def draw_agreement(axes: Axes, fit: AlignmentFit) -> None:
         label = f"{agreeing.sum()} of {total.sum()} {name} agree"
         axes.bar(seconds + offset, agreeing, width, align="edge", color=_COLORS[name], label=label)
     axes.set_title("measurements that agree, of all, by time", fontsize=9)
-    axes.set_xlabel("s after the first", fontsize=7)
-    axes.legend(fontsize=8)
+    axes.set_xlabel("s after the first", fontsize=9)
+    axes.set_ylim(0.0, 1.25 * max(fit.bearings.max(), fit.ranges.max(), 1))  # room for the legend
+    axes.legend(fontsize=8, ncols=2, frameon=False, loc="upper center")
 
 
 def draw_residuals(axes: Axes, heard: Links, T_a_b: FloatArray) -> None:
@@ -41,16 +42,16 @@ def draw_residuals(axes: Axes, heard: Links, T_a_b: FloatArray) -> None:
     if heard.has_range.any():
         residual = heard.range_m - np.linalg.norm(seen, axis=1)
         axes.errorbar(seconds, residual, heard.range_sigma_m, fmt=".", color=_COLORS["ranges"], label="ranges")
-        axes.set_ylabel("m", fontsize=7)
+        axes.set_ylabel("m", fontsize=9)
         title.append("ranges in m")
     if heard.has_bearing.any():
         degrees = axes.twinx() if title else axes
         degrees.plot(seconds, np.degrees(nearest_azimuths(heard, seen)), "x", color=_COLORS["bearings"])
-        degrees.set_ylabel("degrees", fontsize=7)
+        degrees.set_ylabel("degrees", fontsize=9)
         title.append("azimuths in degrees (crosses)")
     axes.axhline(0.0, color="black", linewidth=0.5)
     axes.set_title(f"measured minus predicted: {', '.join(title)}", fontsize=9)
-    axes.set_xlabel("s after the first", fontsize=7)
+    axes.set_xlabel("s after the first", fontsize=9)
 
 
 def draw_circles(axes: Axes, heard: Links) -> None:

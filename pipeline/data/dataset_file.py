@@ -30,7 +30,7 @@ from wiclosure.pipeline.data.navigation.imu_units import ACCELERATION_UNITS, RAT
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.words import sources_of_entries
-from wiclosure.pipeline.runtime.paths import exists, expanded
+from wiclosure.pipeline.runtime.paths import exists, expanded, is_endless
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.clouds.bin import LAYOUTS, record_type
 from wiclosure.suggestions import did_you_mean
@@ -108,7 +108,7 @@ def _existing(path: Path, what: str, value: object) -> Path:
     file = path.parent / expanded(_text(path, what, value))
     if not exists(file):
         raise InputError(f"{path}: {what} names {file}, which does not exist; paths are relative to the data set file")
-    return file
+    return _beside(path, what, value)
 
 
 def _text(path: Path, what: str, value: object) -> str:
@@ -119,7 +119,10 @@ def _text(path: Path, what: str, value: object) -> str:
 
 def _beside(path: Path, what: str, value: object) -> Path:
     """A file that need not exist: ground truth that is missing is said when it is read, and stops nothing."""
-    return path.parent / expanded(_text(path, what, value))
+    file = path.parent / expanded(_text(path, what, value))
+    if is_endless(file):
+        raise InputError(f"{path}: {what} names {file}, which is neither a file nor a folder; name one")
+    return file
 
 
 def _settings(path: Path, what: str, value: object) -> dict[str, object]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.errors import InputError
+from wiclosure.formats.epochs import other_epoch
 from wiclosure.formats.kitti_poses import KittiPoses, read_kitti_poses
 from wiclosure.formats.plausible import require_rotation
 from wiclosure.formats.trajectory_file import trajectory_kind
@@ -36,7 +37,7 @@ def recorded_ground_truth(robot: str, recording: RobotRecording, *, salvage: boo
     path = recording.ground_truth
     if path is None and recording.ground_truth_topic is None:
         return kitti_ground_truth(recording.scans, robot) if is_kitti_folder(recording.scans) else None
-    if path is not None and path.is_file() and not bag_kind(path) and trajectory_kind(path) == "kitti":
+    if path is not None and _is_without_stamps(path):
         return _of_poses_file(path, recording, robot)
     trajectory = read_poses(robot, recording, path, recording.ground_truth_topic, salvage=salvage).trajectory
     first_ns, last_ns = _time_span(recording, salvage=salvage)
@@ -44,9 +45,16 @@ def recorded_ground_truth(robot: str, recording: RobotRecording, *, salvage: boo
         raise InputError(
             f"ground truth {path or recording.ground_truth_topic} of {robot} covers"
             f" {_span(*trajectory.stamps_ns[[0, -1]].tolist())},"
-            f" its scans {_span(first_ns, last_ns)}: they do not overlap; both must use one clock, in seconds"
+            f" its scans {_span(first_ns, last_ns)}: they do not overlap"
+            f"{_other_clock(trajectory, first_ns, last_ns)}; both must use one clock, in seconds"
         )
     return trajectory
+
+
+def _is_without_stamps(path: Path) -> bool:
+    """Whether a file holds poses that belong to scans by their order or number."""
+    is_kitti = path.is_file() and not bag_kind(path) and trajectory_kind(path) == "kitti"
+    return is_kitti and read_kitti_poses(path).stamps_ns is None
 
 
 def kitti_ground_truth(folder: Path, robot: str) -> Trajectory | None:
@@ -86,7 +94,10 @@ def _of_scans(
 ) -> Trajectory:
     """Poses of a file without stamps, matched with scans of these numbers and stamps `(N,)`."""
     found = read_kitti_poses(path)
-    scans, rows = _matched(path, numbers, found)
+    if found.stamps_ns is None:
+        scans, rows = _matched(path, numbers, found)
+    else:
+        scans, rows = _matched_by_stamps(path, stamps_ns, found.stamps_ns)
     T_world_lidar = found.poses[rows]
     if T_camera_lidar is not None:
         T_world_lidar = se3.inverse(T_camera_lidar) @ T_world_lidar @ T_camera_lidar
@@ -121,6 +132,23 @@ def _matched(path: Path, numbers: IntArray, found: KittiPoses) -> tuple[IntArray
     )
 
 
+def _matched_by_stamps(path: Path, scans_ns: IntArray, poses_ns: IntArray) -> tuple[IntArray, IntArray]:
+    """Indices of scans and of the poses nearest in time, to half the time between scans.
+
+    Raises:
+        InputError: no scan has one.
+    """
+    after = np.searchsorted(poses_ns, scans_ns).clip(1, max(len(poses_ns) - 1, 1))
+    pairs = np.stack([after - 1, np.minimum(after, len(poses_ns) - 1)])
+    apart_ns = np.abs(poses_ns[pairs] - scans_ns)
+    nearest = np.take_along_axis(pairs, apart_ns.argmin(axis=0)[None], axis=0)[0]
+    half_ns = np.median(np.diff(np.sort(scans_ns))) / 2 if len(scans_ns) > 1 else 0
+    scans = np.flatnonzero(apart_ns.min(axis=0) <= half_ns)
+    if not len(scans):
+        raise InputError(f"{path}: none of its stamps is that of a scan; both must use one clock")
+    return scans, nearest[scans]
+
+
 def _calibration(path: Path) -> FloatArray | None:
     """`T_camera_lidar` by the line `Tr:` of a KITTI calib.txt, or None."""
     if not path.is_file():
@@ -153,6 +181,13 @@ def _time_span(recording: RobotRecording, *, salvage: bool) -> tuple[int, int]:
     else:
         source = FolderSource(recording.scans, recording.layout)
     return int(source.stamps_ns.min()), int(source.stamps_ns.max())
+
+
+def _other_clock(trajectory: Trajectory, first_ns: int, last_ns: int) -> str:
+    """What its stamps seem to count from, in words; nothing where they fit no known epoch."""
+    begin_ns, end_ns = trajectory.stamps_ns[[0, -1]].tolist()
+    epoch = other_epoch(begin_ns, end_ns, first_ns, last_ns)
+    return f" (its stamps fit as seconds {epoch.name}: add {-epoch.before_1970_ns // 10**9} to them)" if epoch else ""
 
 
 def _span(first_ns: int, last_ns: int) -> str:

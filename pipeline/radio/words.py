@@ -11,7 +11,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.structured_text import read_yaml
 from wiclosure.pipeline.radio.presets import preset_settings
 from wiclosure.pipeline.radio.source import RadioSource, keys
-from wiclosure.pipeline.runtime.paths import exists, expanded, is_file
+from wiclosure.pipeline.runtime.paths import exists, expanded, is_endless, is_file
 from wiclosure.pipeline.runtime.settings_text import nested_words
 from wiclosure.suggestions import did_you_mean
 
@@ -67,6 +67,8 @@ def _of_entry(entry: object, folder: Path, where: str) -> RadioSource:
             raise InputError(
                 f"{where}: wireless log names {path}, which does not exist; paths are relative to where they are named"
             )
+        if is_endless(path):
+            raise InputError(f"{where}: wireless log names {path}, which is neither a file nor a folder; name one")
         stated["path"] = path
     try:
         if isinstance(name := stated.pop("preset", None), str):

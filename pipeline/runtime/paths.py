@@ -24,3 +24,8 @@ def exists(path: Path) -> bool:
 def is_file(path: Path) -> bool:
     """Whether it is a file; see `exists`."""
     return exists(path) and path.is_file()
+
+
+def is_endless(path: Path) -> bool:
+    """Whether it is a device, a pipe or a socket: what others' files name must end, and not wait for anybody."""
+    return exists(path) and not path.is_file() and not path.is_dir()

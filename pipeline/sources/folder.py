@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.pipeline.runtime.paths import is_endless
 from wiclosure.pipeline.sources.clouds.bin import KITTI, check_layout, likely_layouts, read_bin
 from wiclosure.pipeline.sources.clouds.columns import CloudColumns, CloudReader
 from wiclosure.pipeline.sources.clouds.file_stamps import FileStamps, natural, stamps_of_names
@@ -40,7 +41,7 @@ def is_cloud_folder(path: Path) -> bool:
 
 def _is_cloud(file: Path) -> bool:
     """By its ending; hidden files are what other systems leave beside."""
-    return file.suffix.lower() in CLOUD_READERS and not file.name.startswith(".")
+    return file.suffix.lower() in CLOUD_READERS and not file.name.startswith(".") and not is_endless(file)
 
 
 class FolderSource:

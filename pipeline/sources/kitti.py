@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import few
 from wiclosure.pipeline.sources.clouds.bin import check_layout, read_bin
 from wiclosure.pipeline.sources.clouds.file_stamps import natural
 from wiclosure.pipeline.sources.clouds.times_file import read_lines
 from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import IntArray, Scan
+
+logger = logging.getLogger(__name__)
 
 _LAYOUTS = (("velodyne", "times.txt"), ("velodyne_points/data", "velodyne_points/timestamps.txt"))
 
@@ -89,8 +93,21 @@ def kitti_scans(path: Path) -> tuple[list[Path], IntArray, IntArray]:
         raise InputError(f"{folder} holds no .bin scans; copy them there or choose another folder")
     lines = read_lines(times_file)
     stamps = {number: stamp for number, stamp in enumerate(lines) if stamp is not None}
+    files = _with_times(files, stamps, len(lines), times_file)
     numbers = scan_numbers(files, list(stamps), len(lines), times_file, "times")
     return files, numbers, np.array([stamps[number] for number in numbers.tolist()], np.int64)
+
+
+def _with_times(files: list[Path], known: Mapping[int, int], lines: int, path: Path) -> list[Path]:
+    """The scans without those few whose own line is blank."""
+    numbers = [int(file.stem) if file.stem.isdecimal() else lines for file in files]
+    without = [number for number in numbers if number not in known]
+    if len(files) == len(known) or not without or max(without) >= lines or not few(len(without), len(files)):
+        return files
+    logger.warning(
+        "%s: %d scans have no time, as that of line %d; they are left out", path, len(without), without[0] + 1
+    )
+    return [file for file, number in zip(files, numbers, strict=True) if number in known]
 
 
 def scan_numbers(files: Sequence[Path], known: Sequence[int], lines: int, path: Path, what: str) -> IntArray:

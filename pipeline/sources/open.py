@@ -12,6 +12,7 @@ import numpy as np
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.radio_units import METRES, LengthUnit
 from wiclosure.interfaces import ScanSource
+from wiclosure.pipeline.runtime.paths import is_endless
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.folder import FolderSource, is_cloud_folder
 from wiclosure.pipeline.sources.kitti import KittiSource, is_kitti_folder
@@ -66,6 +67,8 @@ def guess_loader(path: Path) -> str:
     try:
         if not path.exists():
             raise InputError(f"recording {path} does not exist; check the path")
+        if is_endless(path):
+            raise InputError(f"recording {path} is neither a file nor a folder; name one")
         found = next((name for name, loader in LOADERS.items() if loader.recognises(path)), None)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; check its permissions") from error

@@ -62,12 +62,16 @@ class RosbagSource:
             messages = mended(_together(self._messages(bag), place), place)
             first = list(islice(messages, _FIRST))
             decoder = ScanDecoder(bag.topics[self.topic], place, _period_s([stamp_ns for stamp_ns, _ in first]))
-            frame = OneFrame(bag, place)
+            frame = OneFrame(bag, place, (message.frame_id for _, sweep in first for message in sweep))
+            merged = 0
             for stamp_ns, sweep in chain(first, messages):
                 scans = [self._scan(message, stamp_ns, decoder, frame) for message in sweep]
                 if found := [scan for scan in scans if scan is not None]:
+                    merged += len(found) > 1
                     yield found[0] if len(found) == 1 else _merged(found)
             frame.report()
+            if merged:
+                logger.warning("%s: clouds of the same stamp were merged, %d times, into one scan each", place, merged)
 
     def _scan(self, message: ScanMessage, stamp_ns: int, decoder: ScanDecoder, frame: OneFrame) -> Scan | None:
         """The scan of a message in the axes of all, or None where it cannot be had."""
@@ -104,7 +108,7 @@ def _together(messages: Iterable[Stamped[ScanMessage]], place: str) -> Iterator[
     twice is no part.
     """
     sweep: list[Stamped[ScanMessage]] = []
-    merged = copies = 0
+    copies = 0
     for message in messages:
         if any(_is_copy(message, part) for part in sweep):
             copies += 1
@@ -112,14 +116,10 @@ def _together(messages: Iterable[Stamped[ScanMessage]], place: str) -> Iterator[
             sweep.append(message)
         else:
             if sweep:
-                merged += len(sweep) > 1
                 yield _sweep(sweep)
             sweep = [message]
     if sweep:
-        merged += len(sweep) > 1
         yield _sweep(sweep)
-    if merged:
-        logger.warning("%s: clouds of the same stamp were merged, %d times, into one scan each", place, merged)
     if copies:
         logger.warning("%s: %d clouds were recorded twice; the copies were left out", place, copies)
 

@@ -64,7 +64,8 @@ class _Mender:
         self._clocks_differ_ns = 0
         self._by_reception = False
         self._strays: list[int] = []
-        self._late = self._number = 0
+        self._late = self._number = self._missing = self._repeated = 0
+        self._header_ns = 0  # of the last message whose stamp was used
         self._begun: tuple[int, int] | None = None
         self._ended = (0, 0)
 
@@ -84,7 +85,7 @@ class _Mender:
         elif self._last_ns is not None and stamp_ns <= self._last_ns:
             self._late += 1
         else:
-            self._last_ns = stamp_ns
+            self._last_ns, self._header_ns = stamp_ns, message.header_ns
             self._ended = (stamp_ns, message.received_ns)
             self._begun = self._begun or self._ended
             yield stamp_ns, message.content
@@ -97,6 +98,9 @@ class _Mender:
                 "%s: %d messages have stamps far from their neighbours' and were left out (number %s)",
                 self._place, len(self._strays), some,
             )  # fmt: skip
+        for count, what in ((self._missing, "have no stamps"), (self._repeated, "repeat the stamp before them")):
+            if count:
+                logger.warning("%s: %d messages %s; times of reception are used for them", self._place, count, what)
         if self._late:
             logger.warning(
                 "%s: %d messages have stamps that repeat or go back and were left out", self._place, self._late
@@ -116,13 +120,14 @@ class _Mender:
         """The stamp to use, or None for a stray."""
         header_ns = message.header_ns
         if self._by_reception or header_ns == 0:
+            self._missing += not self._by_reception
             return message.received_ns + self._clocks_differ_ns
         known_ns = [stamp for stamp in later_ns if stamp]
         if self._last_ns is None:
             return self._first(message, known_ns, window)
         if header_ns <= self._last_ns:
-            if any(stamp > self._last_ns for stamp in known_ns):
-                return None
+            if later_ns := [stamp for stamp in known_ns if stamp > self._last_ns]:
+                return self._between(message, min(later_ns))
             return self._distrust(message, "stand still" if header_ns == self._last_ns else "go back")
         if self._is_ahead_alone(message, known_ns):
             return None
@@ -149,6 +154,14 @@ class _Mender:
                 return None
         self._clocks_differ_ns = header_ns - message.received_ns
         return header_ns
+
+    def _between(self, message: Stamped[_Content], next_ns: int) -> int | None:
+        """The time of reception for one that repeats the stamp before, where that lies before the next stamp."""
+        stamp_ns = message.received_ns + self._clocks_differ_ns
+        if message.header_ns != self._header_ns or not (self._last_ns or 0) < stamp_ns < next_ns:
+            return None
+        self._repeated += 1
+        return stamp_ns
 
     def _is_ahead_alone(self, message: Stamped[_Content], later_ns: list[int]) -> bool:
         """Whether the stamps after it fall back behind this one, but not behind those before."""

@@ -17,7 +17,7 @@ from typing import Protocol, TypeAlias, TypeVar, cast
 from wiclosure.errors import InputError
 from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import decode_heading, decode_measurement
 from wiclosure.types import Heading, WirelessLog, WirelessMeasurement
@@ -80,14 +80,11 @@ def _decoded(bag: Bag, msgtype: str, decode: Callable[[object], _Record]) -> Ite
         if topic.msgtype == msgtype:
             for number, (_, message) in enumerate(bag.messages(topic.name)):
                 try:
-                    yield decode(message)
+                    with usual_fields(msgtype):
+                        record = decode(message)
                 except InputError as error:
                     raise InputError(f"{bag.path}, topic {topic.name}, message {number}: {error}") from error
-                except AttributeError as error:
-                    raise InputError(
-                        f"{bag.path}, topic {topic.name}: the bag's own definition of {msgtype} is another ({error});"
-                        " is it damaged?"
-                    ) from error
+                yield record
 
 
 def _ranges(bag: Bag, topic: str, link: Link | None) -> Iterator[WirelessMeasurement]:
@@ -95,17 +92,16 @@ def _ranges(bag: Bag, topic: str, link: Link | None) -> Iterator[WirelessMeasure
     skipped = 0
     has_variance = "variance" in bag.topics[topic].found.definition.data
     for _, message in bag.messages(topic):
-        reading = cast("RangeMessage", message)
-        if (named := link or named_link(reading.header.frame_id)) is None:
-            return  # a sonar's, or of robots that nobody has named: see `wiclosure.pipeline.radio.unused`
-        receiver, transmitter = named
-        if not _valid(reading):
-            skipped += 1
-            continue
-        stamp_ns = nanoseconds_of(reading.header.stamp)
-        yield WirelessMeasurement(
-            stamp_ns, receiver, transmitter, reading.range, _sigma_m(message, has_variance=has_variance)
-        )
+        with usual_fields(f"{bag.path}, topic {topic}"):
+            reading = cast("RangeMessage", message)
+            if (named := link or named_link(reading.header.frame_id)) is None:
+                return  # a sonar's, or of robots that nobody has named: see `wiclosure.pipeline.radio.unused`
+            if not _valid(reading):
+                skipped += 1
+                continue
+            sigma_m = _sigma_m(message, has_variance=has_variance)
+            measurement = WirelessMeasurement(nanoseconds_of(reading.header.stamp), *named, reading.range, sigma_m)
+        yield measurement
     if skipped:
         logger.warning("%s, topic %s: %d ranges outside the sensor's limits were left out", bag.path, topic, skipped)
 

@@ -109,9 +109,20 @@ def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[
         sentences.append(f"{counts.scans} scans were read with --salvage; damaged ones, if any, are not among them")
     if counts.scans < len(robot.scans):
         sentences.append(f"only {counts.scans} of {len(robot.scans)} announced scans could be read")
+    if len(result.found_again_ns):
+        sentences.append(_found_again(result))
     if slipped := result.slips.sentence(int(result.odometry.stamps_ns[0])):
         sentences.append(slipped)
     return (*robot.remarks, *(f"{robot.robot}: {sentence}" for sentence in sentences))
+
+
+def _found_again(result: FrontEndResult) -> str:
+    stamps_ns = result.found_again_ns - result.odometry.stamps_ns[0]
+    times = ", ".join(f"{at:.1f}" for at in (stamps_ns[:8] * 1e-9).tolist()) + (" ..." if len(stamps_ns) > 8 else "")
+    return (
+        f"odometry lost its hold {len(stamps_ns)} times, at {times} s after its start, and was found again by"
+        " registering the scan to the last ones from all around"
+    )
 
 
 def odometry_settings(robot: RobotInput, config: Config) -> OdometrySettings:

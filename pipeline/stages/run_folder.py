@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.g2o_writer import write_g2o
@@ -20,6 +21,7 @@ from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.evaluation.settings import EvaluationSettings
 from wiclosure.pipeline.runtime.output import write_json
+from wiclosure.pipeline.runtime.settings_text import explain
 from wiclosure.pipeline.stages.closures_csv import write_closures
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import Trajectory
@@ -79,12 +81,24 @@ def read_metrics(folder: Path) -> Metrics:
         some = ", ".join(arms[:4]) + (" ..." if len(arms) > 4 else "")
         raise InputError(f"{folder} is a comparison; give the folder of one of its arms: {some}")
     try:
-        metrics: Metrics = read_json(path)
+        content = read_json(path)
     except InputError as error:
         raise InputError(f"{error}; give a folder that wiclosure run wrote") from error
-    if "components" not in metrics:
+    if not _names_robots(content):
         raise InputError(f"{path} does not hold the metrics of a run; give a folder that wiclosure run wrote")
+    metrics: Metrics = content
     return metrics
+
+
+def _names_robots(metrics: object) -> bool:
+    """Whether there are components, each with the names of its robots."""
+    components = metrics.get("components") if isinstance(metrics, dict) else None
+    return isinstance(components, list) and all(
+        isinstance(component, dict)
+        and isinstance(component.get("robots"), list)
+        and all(isinstance(robot, str) for robot in component["robots"])
+        for component in components
+    )
 
 
 def read_evaluation_settings(folder: Path) -> EvaluationSettings:
@@ -96,6 +110,8 @@ def read_evaluation_settings(folder: Path) -> EvaluationSettings:
     path = folder / "config.yaml"
     try:
         return EvaluationSettings.model_validate(read_yaml(path).get("evaluation", {}))
+    except ValidationError as error:
+        raise InputError(explain(error, str(path), EvaluationSettings)) from error
     except (AttributeError, ValueError) as error:
         raise InputError(f"{path} does not hold the configuration of a run: {error}") from error
 
@@ -107,10 +123,7 @@ def read_trajectories(folder: Path) -> tuple[dict[str, Trajectory], dict[str, Tr
         InputError: a trajectory is missing or damaged.
     """
     metrics = read_metrics(folder)
-    try:
-        robots = [str(robot) for component in metrics["components"] for robot in component["robots"]]
-    except (TypeError, KeyError) as error:
-        raise InputError(f"{folder}/metrics.json does not name the robots of its components ({error})") from error
+    robots = [robot for component in metrics["components"] for robot in component["robots"]]
     if outside := [robot for robot in robots if robot != Path(robot).name]:
         raise InputError(f"{folder}/metrics.json names a robot {outside[0]!r}, which is no name of a file")
     merged = {robot: read_tum(folder / f"{robot}.tum", robot) for robot in robots}

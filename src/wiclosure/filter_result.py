@@ -26,11 +26,13 @@ class AlignmentHypothesis:
         log_likelihood: of all measurements between the robots under this transform.
         paths_kept: `(measurement, path)` indices into the wireless log's measurements; path -1 stands for a measurement
             whose range was used without a direction.
+        blunder: what would have to be wrong with the log for it to hold, as a clause; empty where nothing would.
     """
 
     T_a_b: FloatArray
     log_likelihood: float
     paths_kept: tuple[tuple[int, int], ...]
+    blunder: str = ""
 
     def __repr__(self) -> str:
         x, y, z = self.T_a_b[:3, 3]

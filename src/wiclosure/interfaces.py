@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from enum import Enum
 from typing import Protocol, runtime_checkable
 
 from wiclosure.types import BoolArray, FilterResult, Float32Array, FloatArray, Scan, Trajectory, WirelessLog
@@ -30,6 +31,14 @@ class ScanSource(Protocol):
         ...
 
 
+class Hold(Enum):
+    """How an odometry stands with a scan."""
+
+    HELD = "held"  # or nothing tells otherwise
+    FOUND_AGAIN = "found again"  # it had settled where the scan does not fit, and found the place by a search
+    LOST = "lost"  # the scan fits nowhere
+
+
 class Odometry(Protocol):
     """Follows one LiDAR through its scans, in order of time."""
 
@@ -54,6 +63,11 @@ class Odometry(Protocol):
     @property
     def kept(self) -> BoolArray:
         """`(M,)` which of the last scan's points `register` returned, in their order."""
+        ...
+
+    @property
+    def hold(self) -> Hold:
+        """How it stands with the last scan: where it lost one, the step to it counts as unknown."""
         ...
 
     @property

@@ -76,3 +76,10 @@ def test_names_tell_the_order_of_the_quaternion(tmp_path: Path, names: str, quat
     (tmp_path / "a.csv").write_text(f"{names}\n1700000000000000000,3,2,1,{quaternion}\n")
     trajectory = read_euroc(tmp_path / "a.csv", "alpha")
     np.testing.assert_allclose(trajectory.poses[0, :2, 0], [1 - 2 * 0.6**2, 2 * 0.6 * 0.8], atol=1e-12)
+
+
+def test_ticks_since_1601_are_told_by_their_size(tmp_path: Path) -> None:
+    lines = [f"{133_444_736_000_000_000 + n * 10**6},{n},0,0,1,0,0,0" for n in range(3)]
+    (tmp_path / "data.csv").write_text("\n".join(lines))
+    read = read_euroc(tmp_path / "data.csv", "alpha")
+    np.testing.assert_array_equal(read.stamps_ns, 1_700_000_000 * 10**9 + np.arange(3) * 10**8)

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.kitti_poses import read_kitti_poses, write_kitti_poses
+from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.trajectory_file import read_trajectory
 
 
 def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:
@@ -63,4 +65,34 @@ def test_rotations_printed_with_three_digits_are_made_exact(tmp_path: Path) -> N
 def test_what_is_no_pose_is_named_with_its_line(tmp_path: Path, line: str, says: str) -> None:
     (tmp_path / "poses.txt").write_text(f"1 0 0 5 0 1 0 5 0 0 1 5\n{line}\n")
     with pytest.raises(InputError, match=rf"poses\.txt, {says}"):
+        read_kitti_poses(tmp_path / "poses.txt")
+
+
+@pytest.mark.parametrize("first", ["1317042272.123456789", "0.0", "1317042272123456789", "2011-09-26T13:02:25.5"])
+def test_stamps_before_the_poses_are_read(tmp_path: Path, first: str) -> None:
+    begin_ns = stamp_ns(first, "auto")
+    stamps_ns = begin_ns + np.arange(5) * 10**8
+    poses = se3.exp(np.random.default_rng(0).normal(size=(5, 6)))
+    texts = [f"{ns // 10**9}.{ns % 10**9:09d}" if "." in first else str(ns) for ns in stamps_ns.tolist()]
+    (tmp_path / "poses.txt").write_text(
+        "".join(
+            f"{text} {' '.join(map(repr, pose[:3].ravel().tolist()))}\n"
+            for text, pose in zip(texts, poses, strict=True)
+        )
+    )
+    read = read_kitti_poses(tmp_path / "poses.txt")
+    assert read.frames is None
+    assert read.stamps_ns is not None
+    np.testing.assert_array_equal(read.stamps_ns, stamps_ns)
+    trajectory = read_trajectory(tmp_path / "poses.txt", "alpha")
+    np.testing.assert_array_equal(trajectory.stamps_ns, stamps_ns)
+    np.testing.assert_allclose(trajectory.poses, poses, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("second", "says"), [("0.05", "is not after"), ("nan", "neither a frame"), ("1e30", "neither")]
+)
+def test_first_numbers_that_are_neither_frames_nor_times(tmp_path: Path, second: str, says: str) -> None:
+    (tmp_path / "poses.txt").write_text(f"0.1 1 0 0 0 0 1 0 0 0 0 1 0\n{second} 1 0 0 0 0 1 0 0 0 0 1 0\n")
+    with pytest.raises(InputError, match=rf"poses\.txt, line 2: .*({says}|not finite)"):
         read_kitti_poses(tmp_path / "poses.txt")

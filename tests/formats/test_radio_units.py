@@ -71,3 +71,11 @@ def test_dates(text: str, ns: int) -> None:
 def test_what_is_no_time(text: str) -> None:
     with pytest.raises(ValueError, match=r"no time|a time of day|does not fit"):
         stamp_ns(text, "s")
+
+
+@pytest.mark.parametrize(
+    ("ticks", "unit"), [(133_444_736_000_000_001, "filetime"), (638_355_968_000_000_001, "dotnet")]
+)  # 14 November 2023, 22:13:20, and a tick
+def test_ticks_of_other_epochs_are_told_by_their_size(ticks: int, unit: TimeUnit) -> None:
+    assert stamp_unit_of(Decimal(ticks)) == unit
+    assert stamp_ns(str(ticks), "auto") == stamp_ns(ticks, unit) == 1_700_000_000 * 10**9 + 100

@@ -40,8 +40,10 @@ def standing(x_m: float = 0.0, yaw_rad: float = 0.0) -> FloatArray:
 
 
 def scan_of(model: LidarModel, scene: Scene, pose: FloatArray, seed: int = 0) -> Scan:
-    rng = np.random.default_rng(seed)
-    return sweep(model.individual(rng), scene, lambda stamps: np.broadcast_to(pose, (len(stamps), 4, 4)), START_NS, rng)
+    rng, sensor = np.random.default_rng(seed), lambda stamps: np.broadcast_to(pose, (len(stamps), 4, 4))
+    scan, moving = sweep(model.individual(rng), scene, sensor, START_NS, rng)
+    assert not moving.any()
+    return scan
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
@@ -92,7 +94,7 @@ def test_calibration_errors_stay_from_scan_to_scan(room: Scene) -> None:
     sensor = crooked.individual(rng)
     pose = standing()
     scans = [
-        sweep(sensor, room, lambda stamps: np.broadcast_to(pose, (len(stamps), 4, 4)), START_NS, rng) for _ in (0, 1)
+        sweep(sensor, room, lambda stamps: np.broadcast_to(pose, (len(stamps), 4, 4)), START_NS, rng)[0] for _ in (0, 1)
     ]
     np.testing.assert_allclose(scans[0].points, scans[1].points, atol=1e-5)
     assert np.abs(scans[0].points - scan_of(PERFECT, room, pose).points).max() > 0.05
@@ -126,7 +128,7 @@ def test_deskewing_with_the_true_motion_flattens_the_walls(room: Scene) -> None:
         return se3.from_yaw(1.0 * t, np.stack([8.0 * t, 0.5 * t, np.full(len(t), 1.5)], axis=1))
 
     rng = np.random.default_rng(0)
-    scan = sweep(PERFECT.individual(rng), room, motion, START_NS, rng)
+    scan = sweep(PERFECT.individual(rng), room, motion, START_NS, rng)[0]
     assert scan.times is not None
     stamps_ns = START_NS + np.round(scan.times * 1e9).astype(np.int64)
     deskewed = se3.transform(motion(stamps_ns), scan.points)

@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import systematic
 
+from wiclosure.wiclosure_filter.filter import WiClosureFilter
+
 TRIALS = 3
 
 
@@ -21,7 +23,7 @@ def scored(fault: systematic.Fault, worlds: tuple[str, ...]) -> systematic.Score
         for trial in range(TRIALS):
             rng = np.random.default_rng([40, number, trial])
             case = systematic.make(systematic.WORLDS[world](fault.robots, rng), fault, rng)
-            result = systematic.WiClosureFilter().candidates(case.odometry, case.log)
+            result = WiClosureFilter().candidates(case.odometry, case.log)
             systematic.count_outcome(case, result, fault, score)
     return score
 
@@ -53,4 +55,4 @@ def test_blunders_are_named_and_nothing_is_certain(name: str) -> None:
     score = scored(fault, ("site", "roaming"))
     assert score.wrong <= 1
     assert score.certain <= 2
-    assert not fault.words or score.named >= 4
+    assert not fault.words or (score.named >= 3 and score.listed >= 4)

@@ -105,24 +105,27 @@ class _Chosen:
         followed: Sequence[_Followed],
         second: SecondAlignment | None,
         settings: AlignmentSettings,
-        indistinct: str = "",
+        indistinct: _Indistinct | None = None,
     ) -> _Chosen:
-        """From the selection among the peaks, those that are reported, and why a blunder would fit as well."""
+        """From the selection among the peaks, those that are reported, and the blunders that would fit as well."""
         best, *others = followed
         fit = best.fit
         misfit = fit.misfit(settings.guard.min_fit_probability)
         sentence = "" if second is None else second.sentence
         slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
         ambiguous = selection.reason if selection.ambiguous else best.vague
-        found = (best.extraordinary, sentence or slip, misfit, ambiguous, indistinct)
+        blunder = "" if indistinct is None else indistinct.sentence
+        found = (best.extraordinary, sentence or slip, misfit, ambiguous, blunder)
+        objections = tuple(objection for objection in found if objection)
+        only_blunders = indistinct is not None and objections == (blunder,)
         return cls(
             best,
-            tuple(other.hypothesis for other in others),
+            indistinct.hypotheses if indistinct and only_blunders else tuple(other.hypothesis for other in others),
             fit,
-            tuple(objection for objection in found if objection),
-            best.extraordinary or slip or misfit or indistinct,
+            objections,
+            best.extraordinary or slip or misfit or blunder,
             selection.reason,
-            likely=bool(second or (selection.alternatives and not misfit and not slip)),
+            likely=bool(only_blunders or second or (selection.alternatives and not misfit and not slip)),
         )
 
 
@@ -143,21 +146,32 @@ def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings:
         )
         for row in rows
     ]
-    indistinct = ""
+    indistinct = None
     if not selection.ambiguous and settings.guard.weigh_blunders:
-        indistinct = _indistinct(followed[0], found, links, odometry, settings.guard)
+        indistinct = _Indistinct.of(followed[0], found, links, odometry, settings.guard)
     return _Chosen.of(selection, followed, second, settings, indistinct)
 
 
-def _indistinct(
-    best: _Followed, found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings
-) -> str:
-    """Why a blunder would fit as well as the best alignment; empty where that was not followed or has no bearings."""
-    frames, observations = best.frames, found.mixture.observations
-    if frames is None or not observations.has_bearing.any():
-        return ""
-    blunders = Blunders.of(frames.w, frames.yaw, links, odometry, best.mixture, best.explanation, found.drift[0])
-    return blunders.objection(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
+@dataclass(frozen=True, eq=False)
+class _Indistinct:
+    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each."""
+
+    sentence: str
+    hypotheses: tuple[AlignmentHypothesis, ...]
+
+    @classmethod
+    def of(
+        cls, best: _Followed, found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings
+    ) -> _Indistinct | None:
+        """None where no blunder would, the best alignment was not followed, or has no bearings."""
+        frames, observations = best.frames, found.mixture.observations
+        if frames is None or not observations.has_bearing.any():
+            return None
+        blunders = Blunders.of(frames.w, frames.yaw, links, odometry, best.mixture, best.explanation, found.drift[0])
+        likely = blunders.likely(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
+        if not likely:
+            return None
+        return cls(blunders.objection(likely), tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:

@@ -8,33 +8,62 @@ the best rigid transform misses the turned ones by a chi-square that is known be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wiclosure import se3
-from wiclosure.types import FloatArray
+from wiclosure.types import AlignmentHypothesis, FloatArray
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.links.links import Links
 
+ComplexArray: TypeAlias = NDArray[np.complex128]
+
 _FEET_M = 0.3048
+_AGREES, _MOST, _RESERVE = 0.5, 50.0, 0.1
 _UNKNOWN_M2 = 1e8  # variance of what was not measured
 _TURNED_RAD = float(np.radians(20.0))
 _RARE, _USUAL, _MIRRORED = 0.005, 0.02, 0.05  # shares of logs; a wall that hides the direct path mirrors as well
-# Sign and offset of azimuths as they may have been taken.
-_AZIMUTHS = {
-    "azimuths were clockwise, or of a reflection": (-1.0, 0.0, _MIRRORED),
-    "azimuths were reversed": (1.0, np.pi, _USUAL),
-    "azimuths were taken from the left axis": (1.0, np.pi / 2, _USUAL),
-    "azimuths were taken from the right axis": (1.0, -np.pi / 2, _USUAL),
-    "antennas were mounted turned to the left": (1.0, _TURNED_RAD, _USUAL),
-    "antennas were mounted turned to the right": (1.0, -_TURNED_RAD, _USUAL),
-    "azimuths were clockwise from the left axis": (-1.0, np.pi / 2, _RARE),
-    "azimuths were clockwise from the right axis": (-1.0, -np.pi / 2, _RARE),
-    "azimuths were clockwise and reversed": (-1.0, np.pi, _RARE),
-}
+
+
+@dataclass(frozen=True, slots=True)
+class Blunder:
+    """One way in which a log may be misread: what was measured is what this makes of it.
+
+    Args:
+        clause: what was wrong, after "if".
+        prior: share of logs.
+        sign, offset_rad: azimuths are `sign * azimuth + offset_rad`.
+        range_scale: ranges are so many times what the log says.
+        swapped: each robot stands under the other's name.
+    """
+
+    clause: str
+    prior: float = _USUAL
+    sign: float = 1.0
+    offset_rad: float = 0.0
+    range_scale: float = 1.0
+    swapped: bool = False
+
+
+BLUNDERS = (
+    Blunder("azimuths were clockwise, or of a reflection", _MIRRORED, sign=-1.0),
+    Blunder("azimuths were reversed", offset_rad=np.pi),
+    Blunder("azimuths were taken from the left axis", offset_rad=np.pi / 2),
+    Blunder("azimuths were taken from the right axis", offset_rad=-np.pi / 2),
+    Blunder("antennas were mounted turned to the left", offset_rad=_TURNED_RAD),
+    Blunder("antennas were mounted turned to the right", offset_rad=-_TURNED_RAD),
+    Blunder("azimuths were clockwise from the left axis", _RARE, -1.0, np.pi / 2),
+    Blunder("azimuths were clockwise from the right axis", _RARE, -1.0, -np.pi / 2),
+    Blunder("azimuths were clockwise and reversed", _RARE, -1.0, np.pi),
+    Blunder("ranges were in feet", range_scale=_FEET_M),
+    Blunder("the robots' names were swapped", swapped=True),
+)
+_NONE = Blunder("", 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +71,16 @@ class Blunders:
     """What H blunders would make of the measurements; the first is none.
 
     Args:
-        names: of the blunders, as clauses.
-        prior: `(H,)` share of logs that have each.
+        readings: the blunders.
         chi2: `(H,)` by which the best rigid transform misses the displacements under each.
-        apart_m: `(H,)` mean distance of b's path under each from where the alignment puts it.
+        placed_b: `(H, M)` where each transform puts b's antennas in a's odometry axes, x + iy in metres.
+        transforms: `(H, 2)` each as a turn of length one, and a shift in metres.
     """
 
-    names: tuple[str, ...]
-    prior: FloatArray
+    readings: tuple[Blunder, ...]
     chi2: FloatArray
-    apart_m: FloatArray
+    placed_b: ComplexArray
+    transforms: ComplexArray
 
     @classmethod
     def of(
@@ -67,57 +96,107 @@ class Blunders:
         """Of an alignment.
 
         Args:
-            w: `(M, 3)` antenna a to antenna b in a's odometry axes.
-            yaw: `(M,)` relative yaw.
+            w: `(M, 3)` antenna a to antenna b in a's odometry axes, by the alignment.
+            yaw: `(M,)` relative yaw, likewise.
             links: the measurements.
             odometry: of both robots.
             mixture: likelihood of the measurements.
             explanation: of them by the alignment; leading dimension 1.
             drift_m: `(M,)` standard deviations that a rigid transform is excused for.
         """
-        names, prior, in_a, in_b = zip(*_readings(w, yaw, links, odometry), strict=True)
+        readings = (_NONE, *BLUNDERS)
+        in_receiver = np.where(links.a_receives[:, None], w[:, :2], -_turned(w[:, :2], -yaw))
+        measured = _measured(in_receiver, mixture, explanation)
+        in_a, in_b = zip(*_met(readings, measured, links, odometry), strict=True)
         weight = mixture.observations.independence / _variance(w, mixture, explanation, drift_m)
-        chi2, placed_b = _fitted(np.stack(in_a), np.stack(in_b), links.antenna_b[:, :2], weight)
-        return cls(names, np.array(prior), chi2, np.linalg.norm(placed_b - placed_b[0], axis=2).mean(axis=1))
+        chi2, placed_b, transforms = _fitted(np.stack(in_a), np.stack(in_b), links.antenna_b[:, :2], weight)
+        scale = np.array([reading.range_scale for reading in readings])  # of the ranges' errors as well
+        return cls(readings, chi2 / scale**2, placed_b, transforms)
 
-    def objection(self, same_place_m: float, min_odds: float) -> str:
-        """That a blunder which puts b elsewhere would fit as well, as a sentence; empty where the odds are against it.
+    @property
+    def odds(self) -> FloatArray:
+        """`(H,)` of each against none."""
+        prior = np.array([reading.prior for reading in self.readings])
+        return np.asarray(prior * np.exp(np.minimum((self.chi2[0] - self.chi2) / 2, _MOST)))
+
+    def apart_m(self, row: int) -> FloatArray:
+        """`(H,)` mean distance of b's path under each blunder from where another one puts it."""
+        return np.asarray(np.abs(self.placed_b - self.placed_b[row]).mean(axis=1))
+
+    def likely(self, same_place_m: float, min_odds: float) -> tuple[tuple[int, ...], ...]:
+        """Blunders that put b elsewhere and fit as well, by the place where they put it, the likeliest first.
+
+        None where the odds are against all of them; with what the log claims they hold ten times these odds against all
+        others, since a blunder that was made after all may fit a little worse by chance.
 
         Args:
             same_place_m: distance up to which two alignments are one.
             min_odds: that are enough.
         """
-        missed = np.maximum(self.chi2 - self.chi2[0], 0.0)
-        odds = np.where(self.apart_m > same_place_m, self.prior * np.exp(-missed / 2), 0.0)
+        found, odds = [], np.where(self.apart_m(0) > same_place_m, self.odds, 0.0)
         if odds.sum() * min_odds < 1.0:
+            return ()
+        while odds.sum() * min_odds >= _RESERVE:
+            here = self.apart_m(int(np.argmax(odds))) <= same_place_m
+            rows = np.flatnonzero(here & (odds > 0.0))
+            found.append(tuple(rows[np.argsort(-odds[rows])].tolist()))
+            odds = np.where(here, 0.0, odds)
+        return tuple(found)
+
+    def objection(self, places: Sequence[Sequence[int]]) -> str:
+        """That the blunders at these places would fit as well, as a sentence; empty where there are none."""
+        if not places:
             return ""
-        likeliest = int(np.argmax(odds))
+        told = [
+            f"{' or '.join(self.readings[row].clause for row in rows)} ({self.apart_m(0)[rows[0]]:.0f} m)"
+            for rows in places
+        ]
+        odds = 1 / float(self.odds[[row for rows in places for row in rows]].sum())
         return (
-            f"the robots moved so that the measurements would fit as well if {self.names[likeliest]}, which puts them"
-            f" {self.apart_m[likeliest]:.0f} m elsewhere (odds {1 / odds.sum():.0f} to 1): other paths would tell"
+            "the robots moved so that the measurements would fit as well, but put them elsewhere, if"
+            f" {'; '.join(told)}. Odds {odds:.0f} to 1 that none of it is so: other paths would tell"
+        )
+
+    def hypothesis(self, row: int, claimed: AlignmentHypothesis) -> AlignmentHypothesis:
+        """The alignment under a blunder; `claimed` is the one without, which keeps the same paths and the height."""
+        turn, shift = self.transforms[row]
+        place = np.array([shift.real, shift.imag, claimed.T_a_b[2, 3]])
+        return replace(
+            claimed,
+            T_a_b=se3.from_yaw(np.angle(turn), place),
+            log_likelihood=claimed.log_likelihood + float(self.chi2[0] - self.chi2[row]) / 2,
+            blunder=self.readings[row].clause,
         )
 
 
-def _readings(
-    w: FloatArray, yaw: FloatArray, links: Links, odometry: PairOdometry
-) -> Iterator[tuple[str, float, FloatArray, FloatArray]]:
-    """Each way to read the measurements: name, share, points `(M, 2)` of a's odometry, and b's that meet them."""
+def _measured(by_alignment: FloatArray, mixture: Mixture, explanation: Explanation) -> FloatArray:
+    """`(M, 2)` receiver to transmitter in the receiver's odometry axes, as measured: what an alignment says is biased.
+
+    Where no path or range agrees with the alignment, direction or distance are the alignment's `(M, 2)`.
+    """
+    observations, direct = mixture.observations, explanation.direct()
+    distance_m = np.linalg.norm(by_alignment, axis=1)
+    ranged = np.where(explanation.in_sight[0] > _AGREES, observations.range_m, distance_m)
+    seen = observations.direction[np.arange(len(direct)), np.maximum(direct, 0), :2]
+    seen = np.where((direct >= 0)[:, None], seen, by_alignment)
+    return np.asarray(ranged[:, None] * seen / np.maximum(np.linalg.norm(seen, axis=1), 1e-9)[:, None])
+
+
+def _met(
+    readings: Sequence[Blunder], measured: FloatArray, links: Links, odometry: PairOdometry
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """What each reading makes meet: points `(M, 2)` of a's odometry, and b's."""
     receives = links.a_receives[:, None]
     axes = np.arctan2(links.R_odom_axes[:, 1, 0], links.R_odom_axes[:, 0, 0])
-    seen = _turned(np.where(receives, w[:, :2], -_turned(w[:, :2], -yaw)), -axes)  # in the receiver's axes
-
-    def meeting(told: FloatArray, *, swapped: bool = False) -> tuple[FloatArray, FloatArray]:
-        at_a = receives != swapped
-        in_a, in_b = links.antenna_a[:, :2], links.antenna_b[:, :2]
-        return in_a + np.where(at_a, told, 0.0), in_b + np.where(at_a, 0.0, told)
-
-    yield "", 1.0, *meeting(_turned(seen, axes))
-    for name, (sign, offset, prior) in _AZIMUTHS.items():
-        yield name, prior, *meeting(_turned(seen * [1.0, sign], axes + offset))
-    yield "ranges were in feet", _USUAL, *meeting(_FEET_M * _turned(seen, axes))
+    seen = _turned(measured, -axes)
     yaw_a, yaw_b = se3.yaw(odometry.a.poses[links.index_a]), se3.yaw(odometry.b.poses[links.index_b])
-    told = _turned(seen, np.where(links.a_receives, yaw_b, yaw_a))
-    yield "the robots' names were swapped", _USUAL, *meeting(told, swapped=True)
+    axes_of_other = np.where(links.a_receives, yaw_b, yaw_a)
+    in_a, in_b = links.antenna_a[:, :2], links.antenna_b[:, :2]
+    for reading in readings:
+        read = reading.range_scale * seen * [1.0, reading.sign]
+        told = _turned(read, (axes_of_other if reading.swapped else axes) + reading.offset_rad)
+        at_a = receives != reading.swapped
+        yield in_a + np.where(at_a, told, 0.0), in_b + np.where(at_a, 0.0, told)
 
 
 def _variance(w: FloatArray, mixture: Mixture, explanation: Explanation, drift_m: FloatArray) -> FloatArray:
@@ -129,16 +208,18 @@ def _variance(w: FloatArray, mixture: Mixture, explanation: Explanation, drift_m
     return np.asarray(np.minimum(np.maximum(across, along), _UNKNOWN_M2) + drift_m**2)
 
 
-def _fitted(in_a: FloatArray, in_b: FloatArray, b: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Best rigid transforms of `in_b (H, M, 2)` onto `in_a`: chi-square `(H,)`, and where they put `b (M, 2)`."""
+def _fitted(
+    in_a: FloatArray, in_b: FloatArray, b: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Best rigid transforms of `in_b (H, M, 2)` onto `in_a`: see `Blunders`, of which `b (M, 2)` is b's path."""
     p, q, path = (points[..., 0] + 1j * points[..., 1] for points in (in_a, in_b, b))
     total = weight.sum()
     middle_p, middle_q = (p @ weight / total)[:, None], (q @ weight / total)[:, None]
     correlation = ((p - middle_p) * np.conj(q - middle_q)) @ weight
     turn = np.exp(1j * np.angle(correlation))[:, None]
     chi2 = np.abs(p - middle_p - turn * (q - middle_q)) ** 2 @ weight
-    placed = middle_p + turn * (path - middle_q)
-    return chi2, np.stack([placed.real, placed.imag], axis=-1)
+    shift = middle_p - turn * middle_q
+    return chi2, turn * path + shift, np.concatenate([turn, shift], axis=1)
 
 
 def _turned(points: FloatArray, angle: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AoaFrame, FloatArray, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunder
 
 RadioInputs: TypeAlias = tuple[Mapping[str, Trajectory], WirelessLog]
 _Measurement: TypeAlias = WirelessMeasurement
@@ -35,6 +36,7 @@ class Correction:
         apply: corrected trajectories and log.
         log_scale: natural logarithm of the factor on every range: densities over ranges are compared in one unit.
         log_prior: natural logarithm of how likely it is beside the others; an offset that was fitted could be any.
+        whole_log: true for conventions and units: whoever wrote the log wrote all of it so.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
     """
 
@@ -43,20 +45,32 @@ class Correction:
     of_log: bool = True
     log_scale: float = 0.0
     log_prior: float = 0.0
+    whole_log: bool = False
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
     """All that are tried for two robots, of whose measurements `log` tells."""
     possible = [*_of_odometry(robot_a), *_of_odometry(robot_b), *_of_clocks(robot_a, robot_b)]
     possible.append(swapped({robot_a: robot_b, robot_b: robot_a}))
-    possible += [sigmas_too_small(factor) for factor in (3.0, 10.0)]
+    possible += [replace(sigmas_too_small(factor), whole_log=True) for factor in (3.0, 10.0)]
     if log.headings:
         possible.append(_without_compasses())
     if any(m.range_m is not None for m in log.measurements):
-        possible += [_ranges_in(unit, metres) for unit, metres in _UNITS_M.items()]
+        possible += [replace(_ranges_in(unit, metres), whole_log=True) for unit, metres in _UNITS_M.items()]
     if any(m.paths for m in log.measurements):
-        possible += _of_azimuths(log)
+        possible += [replace(convention, whole_log=True) for convention in _of_azimuths(log)]
     return possible
+
+
+def undone(blunder: Blunder, robot_a: str, robot_b: str) -> Correction:
+    """What undoes a blunder that two robots' measurements cannot tell from none."""
+    if blunder.swapped:
+        return swapped({robot_a: robot_b, robot_b: robot_a})
+    turned = _azimuths(blunder.clause, blunder.sign, blunder.offset_rad)
+    scaled = _each(
+        blunder.clause, lambda m: m if m.range_m is None else replace(m, range_m=blunder.range_scale * m.range_m)
+    )
+    return replace(turned, apply=lambda inputs: scaled.apply(turned.apply(inputs)))
 
 
 def azimuths_off(angle_rad: float) -> Correction:

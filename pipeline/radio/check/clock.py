@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from wiclosure.formats.epochs import other_epoch
 from wiclosure.formats.radio_units import NANOSECONDS, TimeUnit
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples
@@ -26,8 +27,7 @@ _HOUR_NS = 3600 * 10**9
 _EPOCH_NS = 10**17  # 1973: times below are since some start
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """First and last time."""
 
     first_ns: int
@@ -62,8 +62,8 @@ def check_overlap(log: Span, poses: Span, read: TimeUnit = "s") -> Finding | Non
     if log.overlaps(poses):
         return None
     apart = f"the log covers {_span(log)}, the trajectories {_span(poses)}: no overlap"
+    as_read = NANOSECONDS.get(read, 100)
     for unit, ns in NANOSECONDS.items():
-        as_read = NANOSECONDS[read]
         if ns != as_read and Span(log.first_ns * ns // as_read, log.last_ns * ns // as_read).mostly_in(poses):
             return Finding("overlap", "suspect", f"{apart}; read as {unit} the stamps fit", None, {"stamp_unit": unit})
     half_hours = round((poses.first_ns - log.first_ns) / (_HOUR_NS // 2))
@@ -72,6 +72,10 @@ def check_overlap(log: Span, poses: Span, read: TimeUnit = "s") -> Finding | Non
         hours = half_hours / 2
         text = f"{apart}; moved by {hours:+g} hours it fits: a time zone"
         return Finding("overlap", "suspect", text, None, {"time_offset": round(hours * 3600)})
+    if (epoch := other_epoch(*log, *poses)) is not None:
+        offset_s = -epoch.before_1970_ns * 1e-9
+        text = f"{apart}; the log's stamps fit as times {epoch.name}"
+        return Finding("overlap", "suspect", text, None, {"time_offset": round(offset_s)})
     if (log.first_ns < _EPOCH_NS) != (poses.first_ns < _EPOCH_NS):
         offset_s = (poses.first_ns - log.first_ns) * 1e-9
         since = "the log's stamps count" if log.first_ns < _EPOCH_NS else "the trajectories' stamps count"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+from wiclosure.display import significant
 from wiclosure.pipeline.config import Config, dump_config
 from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.report.html.closures_data import closure_rows, stages_with_reasons
@@ -91,8 +92,8 @@ def _numbers(merged: MergedGraphs) -> list[dict[str, str]]:
     return [
         {"label": "robots", "value": f"{len(trajectories)}", "note": f"{poses:,} poses"},
         {"label": "closures accepted", "value": f"{len(merged.graph.accepted):,}", "note": f"of {len(closures):,}"},
-        {"label": "sigmas taken", "value": f"{merged.consistent.scale:.3g} times", "note": "as stated in the files"},
-        {"label": "time", "value": f"{merged.seconds:.2g} s"},
+        {"label": "sigmas taken", "value": f"{significant(merged.consistent.scale)} times", "note": "as in the files"},
+        {"label": "time", "value": f"{significant(merged.seconds)} s"},
     ]
 
 

@@ -82,8 +82,6 @@ def robot_entry(
         truth: `(N, 3)` m, ground truth laid over the path; None: there is none.
     """
     robot, most = path.robot, max(500, min(PATH_POSES, PATHS_POSES // robots))
-    own = odometry.positions - odometry.positions[0]
-    beside = np.array([0.0, -1.2 * number * max(float(np.ptp(own[:, 1])), BESIDE_M), 0.0])
     offset = placement.offset[robot]
 
     def packed(positions: FloatArray) -> dict[str, Any]:
@@ -94,7 +92,7 @@ def robot_entry(
         "colour": robot_colour(number),
         "connected": robot in placement.connected,
         "merged": packed(path.positions + offset),
-        "odometry": packed(own + beside),
+        "odometry": packed(odometry.positions - odometry.positions[0]),
         "keyframes": packed_steps(keyframes.positions + offset, PATH_STEP_M),
         "keyframe_times": packed_steps((keyframes.stamps_ns - odometry.stamps_ns[0]) * 1e-9, 1e-3),
         "truth": None if truth is None else packed(truth + offset),

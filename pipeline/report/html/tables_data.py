@@ -38,8 +38,13 @@ def _candidates(overlap: CandidateMetrics, registrable: CandidateMetrics) -> dic
     return {
         "caption": "Candidate pairs against ground truth",
         "header": ["", f"within {overlap['radius_m']:g} m", f"within {registrable['radius_m']:g} m"],
-        "rows": [[name.replace("_", ", "), overlap.get(name), registrable.get(name)] for name in names],
+        "rows": [[name.replace("_", ", "), _share(overlap.get(name)), _share(registrable.get(name))] for name in names],
     }
+
+
+def _share(value: Any) -> Any:
+    """Shares of all pairs have four decimals: two digits of 0.9996 would be those of 1."""
+    return f"{value:.4f}" if isinstance(value, float) else value
 
 
 def _closures(metrics: Metrics) -> dict[str, Any]:

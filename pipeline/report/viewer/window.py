@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from wiclosure.errors import ProcessError
 from wiclosure.pipeline.report.viewer.local_page import LocalPage
+from wiclosure.scratch import unfinished_folder
 
 _START_S = 20.0
 _MEMORY = "1GiB"  # what it holds for a browser that comes late
@@ -34,7 +36,7 @@ class Window:
         if page is False and not screen:
             raise ProcessError("there is no screen for a window of the viewer; DISPLAY and WAYLAND_DISPLAY are not set")
         self._page = page if page is not None else not screen
-        self._settings = tempfile.TemporaryDirectory(prefix="wiclosure-viewer-")
+        self._settings = unfinished_folder(Path(tempfile.gettempdir()))
         self._port, self._web_port = _free_port(), _free_port()
         self._process = self._start()
         self._local = LocalPage(self._web_port, self._port) if self._page else None
@@ -61,16 +63,16 @@ class Window:
         if self._local is not None:
             self._local.close()
             _end(self._process)
-        self._settings.cleanup()
+        shutil.rmtree(self._settings, ignore_errors=True)
 
     def _start(self) -> subprocess.Popen[bytes]:
         # Its settings lie in a folder of this run alone, where its analytics are off; the user's own stay as they are.
-        private = {"XDG_CONFIG_HOME": self._settings.name, "XDG_DATA_HOME": self._settings.name}
+        private = {"XDG_CONFIG_HOME": str(self._settings), "XDG_DATA_HOME": str(self._settings)}
         environment = {**os.environ, **private}
         program = [sys.executable, "-m", "rerun"]
         here = ["--bind", "127.0.0.1", "--port", str(self._port), "--server-memory-limit", _MEMORY]
         shown = ["--serve-web", "--web-viewer-port", str(self._web_port)] if self._page else ["--hide-welcome-screen"]
-        log = Path(self._settings.name) / "log.txt"
+        log = self._settings / "log.txt"
         with log.open("wb") as said:
             subprocess.run([*program, "analytics", "disable"], check=False, env=environment, stdout=said, stderr=said)
             process = subprocess.Popen(
@@ -84,7 +86,7 @@ class Window:
         if not _listens(self._port, process):
             _end(process)
             words = log.read_text(errors="replace").split()
-            self._settings.cleanup()
+            shutil.rmtree(self._settings, ignore_errors=True)
             raise ProcessError(
                 f"the viewer did not start: {' '.join(words[-40:])}; leave out --visualize, or use"
                 " --save-rrd FILE and open it elsewhere with: rerun FILE"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
+from wiclosure.pipeline.sources.messages.field_names import are_of_flight, intensity_field, like_times, time_fields
 from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns
 from wiclosure.types import FloatArray
 
@@ -79,6 +79,8 @@ def read_whole(path: Path) -> bytes:
 def returns(columns: Mapping[str, NDArray[Any]], names: ColumnNames) -> CloudColumns:
     """The returns among points given by columns `(N,)`; values keep their types but for the points."""
     x, y, z = (columns[name] for name in names[:3])
+    if names.time is not None and are_of_flight(names.time, columns[names.time], x, y, z):
+        names = names._replace(time=None)
     keep = are_returns(x, y, z)
     whole = bool(keep.all())
     points = np.empty((len(keep) if whole else int(np.count_nonzero(keep)), 3))

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 from typing import NamedTuple
 
 import numpy as np
 
-from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.radio_units import TimeUnit, stamp_ns, stamp_unit_of
 from wiclosure.formats.stamps import nanoseconds
 from wiclosure.types import IntArray
 
 PERIOD_NS = 100_000_000  # 10 Hz, the usual rate of spinning LiDARs
-_UNITS_NS = ((10**17, 1), (10**14, 10**3), (10**11, 10**6), (10**8, 10**9))
-"""A whole number at least this large is a date in units of so many nanoseconds; a smaller one is a frame number."""
+_SMALLEST_DATE = 10**8
+"""A whole number at least this large is a date, in a unit told by its size; a smaller one is a frame number."""
 
 
 class FileStamps(NamedTuple):
@@ -43,12 +44,27 @@ def stamps_of_names(names: Sequence[str]) -> FileStamps:
     """
     if (dated := _dates(names)) is not None:
         return dated
-    parts = [re.split(r"([0-9]+)", name) for name in names]
+    parts = [re.split(r"([0-9]+)", name) for name in _with_fractions(names)]
     if len({tuple(part[0::2]) for part in parts}) == 1:
         words = parts[0][0::2]
         numbers = [[part[column] for part in parts] for column in range(1, len(parts[0]), 2)]
         return _by_numbers(words, numbers)
     return _counted(len(names), "natural order of their names")
+
+
+_SECONDS = re.compile(
+    r"(?P<before>.*?)(?P<seconds>(?<!\d)\d{9,10})(?:(?P<point>[._-])(?P<fraction>\d+))?(?P<after>\D*)"
+)
+
+
+def _with_fractions(names: Sequence[str]) -> Sequence[str]:
+    """The names, `.0` put into those of whole seconds where others have a fraction: `%g` drops it."""
+    found = [match for name in names if (match := _SECONDS.fullmatch(name)) is not None]
+    points = {match["point"] for match in found} - {None}
+    if len(found) < len(names) or len(points) != 1 or all(match["point"] for match in found):
+        return names
+    (point,) = points
+    return [f"{m['before']}{m['seconds']}{point}{m['fraction'] or '0'}{m['after']}" for m in found]
 
 
 _DATE = re.compile(
@@ -77,11 +93,12 @@ def _by_numbers(words: Sequence[str], numbers: Sequence[Sequence[str]]) -> FileS
     """By columns of numbers; `words` stand before, between and after them."""
     for column, texts in enumerate(numbers):
         follows = column + 1 < len(numbers) and words[column + 1] in {".", "_", "-"}
-        if follows and (_unit_ns(texts) == 10**9 or all(len(text) == 9 for text in numbers[column + 1])):
+        if follows and (_unit(texts) == "s" or all(len(text) == 9 for text in numbers[column + 1])):
             return _seconds_and_fraction(texts, numbers[column + 1], decimal=words[column + 1] == ".")
     for texts in numbers:
-        if (unit_ns := _unit_ns(texts)) is not None and min(map(int, texts)) > 0:
-            return FileStamps(np.array([int(text) * unit_ns for text in texts], np.int64), "file names, since 1970")
+        if (unit := _unit(texts)) is not None:
+            how = f"file names, {unit}" + ("" if unit in {"filetime", "dotnet"} else " since 1970")
+            return FileStamps(np.array([stamp_ns(text, unit) for text in texts], np.int64), how)
     if len(numbers) == 2 and list(words) == ["", ".", ""]:
         seconds = [f"{whole}.{fraction}" for whole, fraction in zip(*numbers, strict=True)]
         return FileStamps(np.array([nanoseconds(text) for text in seconds], np.int64), "file names, seconds")
@@ -121,10 +138,10 @@ def _unevenness(stamps_ns: IntArray) -> float:
     return float(np.abs(steps - middle).mean()) / middle if middle > 0 and steps.min() > 0 else 1e9
 
 
-def _unit_ns(texts: Sequence[str]) -> int | None:
-    """Nanoseconds per unit of numbers of the size of a date."""
+def _unit(texts: Sequence[str]) -> TimeUnit | None:
+    """The unit of numbers of the size of a date."""
     smallest = min(map(int, texts))
-    return next((unit for size, unit in _UNITS_NS if smallest >= size), None)
+    return stamp_unit_of(Decimal(smallest)) if smallest >= _SMALLEST_DATE else None
 
 
 def _counted(count: int, how: str) -> FileStamps:

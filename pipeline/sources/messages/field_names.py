@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 _TIMES = (
     "t",  # Ouster, VBR, Boreas
@@ -30,10 +34,32 @@ _TIMES = (
     "timediff",
     "gpstime",
     "utime",
+    "ptime",
+    "trel",
+    "lasertime",
+    "delay",
+    "tof",  # times of flight, as a rule: see `are_of_flight`
 )
-_UNITS = ("ns", "nsec", "nanosec", "nanoseconds", "us", "usec", "ms", "msec", "s", "sec", "seconds")
+_UNITS = (
+    "ns",
+    "100ns",
+    "10us",
+    "100us",
+    "nsec",
+    "nanosec",
+    "nanoseconds",
+    "us",
+    "usec",
+    "ms",
+    "msec",
+    "s",
+    "sec",
+    "seconds",
+)
 _INTENSITIES = ("intensity", "i", "reflectivity", "reflectance", "remission", "intensities", "amplitude")
-_LIKE_TIME = re.compile(r"time|stamp|latency|clock|secs?$|seconds?$|(^|_)(ts|tof|tick|ticks|t|dt)(_|$)|offset")
+_AS_RANGES = 0.99  # correlation, with what few digits leave of it
+_FEWEST = 20  # points; among fewer it may be chance
+_LIKE_TIME = re.compile(r"time|stamp|latency|clock|secs?$|seconds?$|(^|_)(ts|tof|tick|ticks|t|dt|delay)(_|$)|offset")
 
 
 def plain(name: str) -> str:
@@ -46,6 +72,18 @@ def time_fields(names: Iterable[str]) -> list[str]:
     found = {plain(name): name for name in names}
     order = [name + unit for name in _TIMES for unit in ("", *_UNITS)]
     return [found[name] for name in dict.fromkeys(order) if name in found]
+
+
+def are_of_flight(name: str, times: NDArray[Any], x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> bool:
+    """Whether the values `(N,)` of the field are times that light took and not those of points: they are as ranges."""
+    if not plain(name).startswith("tof"):
+        return False
+    with np.errstate(invalid="ignore", over="ignore"):
+        ranges = np.sqrt(x.astype(np.float64) ** 2 + y.astype(np.float64) ** 2 + z.astype(np.float64) ** 2)
+    seen = np.isfinite(ranges) & (ranges > 0) & np.isfinite(times.astype(np.float64))
+    if np.count_nonzero(seen) < _FEWEST or not np.ptp(times[seen]) or not np.ptp(ranges[seen]):
+        return False
+    return bool(np.corrcoef(ranges[seen], times[seen].astype(np.float64))[0, 1] > _AS_RANGES)
 
 
 def intensity_field(names: Iterable[str]) -> str | None:

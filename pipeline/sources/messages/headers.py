@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
+
+from wiclosure.errors import InputError
 
 
 @runtime_checkable
@@ -26,4 +30,21 @@ class HeaderMessage(Protocol):
 
 def nanoseconds_of(stamp: TimeMessage) -> int:
     """A ROS time in nanoseconds; 0 where the driver left it out."""
-    return stamp.sec * 10**9 + stamp.nanosec
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+@contextmanager
+def usual_fields(place: str) -> Iterator[None]:
+    """Turns into one line what comes of messages whose fields are not those that their type has.
+
+    Bags bring their own definitions, which may be another version's or damaged.
+
+    Raises:
+        InputError: inside, a field is missing or of another kind.
+    """
+    try:
+        yield
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"{place}: the bag's own definition of its messages is another ({error}); is it damaged?"
+        ) from error

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.errors import InputError
-from wiclosure.pipeline.sources.messages.field_names import intensity_field, like_times, time_fields
+from wiclosure.pipeline.sources.messages.field_names import are_of_flight, intensity_field, like_times, time_fields
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
-from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
+from wiclosure.pipeline.sources.messages.timed_scans import FARTHEST_M, TimedScans
 from wiclosure.types import Float32Array, FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -87,8 +87,8 @@ class PointCloud2Decoder:
         stamp_ns = nanoseconds_of(cloud.header.stamp) if stamp_ns is None else stamp_ns
         if cloud.height * cloud.width == 0 or (not cloud.fields and len(cloud.data) == 0):
             return Scan(stamp_ns, np.zeros((0, 3)))
-        columns = _returns(_records(cloud, self._layout(cloud)))
-        return self._scan(stamp_ns, *columns)
+        points, times, intensity, are_near = _returns(_records(cloud, self._layout(cloud)))
+        return self._scan(stamp_ns, points, times, intensity, are_near=are_near)
 
     def _layout(self, cloud: PointCloud2Message) -> np.dtype[np.void]:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
@@ -104,9 +104,12 @@ class PointCloud2Decoder:
         names = [name for name, *_ in fields]
         candidates = time_fields(names)
         differing = []
-        for name in candidates:
-            values = _records(cloud, _record_type(fields, name, order, cloud.point_step))["time"]
-            if len(values) and values.min() < values.max():
+        for name in list(candidates):
+            records = _records(cloud, _record_type(fields, name, order, cloud.point_step))
+            values = records["time"]
+            if are_of_flight(name, values, records["x"], records["y"], records["z"]):
+                candidates.remove(name)
+            elif len(values) and values.min() < values.max():
                 differing.append(name)
         if candidates and not differing:
             logger.warning(
@@ -188,8 +191,8 @@ def _records(cloud: PointCloud2Message, layout: np.dtype[np.void]) -> Records:
     return np.ascontiguousarray(rows).reshape(-1).view(layout)
 
 
-def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32Array | None]:
-    """Points `(M, 3)`, times and intensity `(M,)` of the returns among the records."""
+def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32Array | None, bool]:
+    """Points `(M, 3)`, times and intensity `(M,)` of the returns; whether all are known to be near."""
     names, count = records.dtype.names or (), len(records)
     points = np.empty((count, 3))
     others: dict[str, NDArray[Any]] = {}
@@ -197,25 +200,25 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         others["time"] = np.empty(count, _wide(records.dtype["time"]))
     if "intensity" in names:
         others["intensity"] = np.empty(count, np.float32)
-    end = 0
+    end, are_near = 0, True
     for start in range(0, count, _BLOCK):
         block = records[start : start + _BLOCK]
         here = points[end : end + len(block)]
         for column, name in enumerate("xyz"):
             here[:, column] = block[name]
-        size = _sizes(block["x"], block["y"], block["z"])
-        if size.min() > 0 and size.max() < np.inf:  # both are false for NaN
+        if here.max() < FARTHEST_M and here.min() > -FARTHEST_M and here[:, 0].all():  # both are false for NaN
             for name, values in others.items():
                 values[end : end + len(block)] = block[name]
             end += len(block)
             continue
-        kept = np.flatnonzero(_are_near(size))
+        are_near = False
+        kept = np.flatnonzero(_are_near(_sizes(block["x"], block["y"], block["z"])))
         here[: len(kept)] = here.take(kept, axis=0, mode="clip")  # which spares it the check of each index
         for name, values in others.items():
             values[end : end + len(kept)] = block[name].take(kept, mode="clip")
         end += len(kept)
     times, intensity = (others[name][:end] if name in others else None for name in ("time", "intensity"))
-    return points[:end], times, intensity
+    return points[:end], times, intensity, are_near
 
 
 def _wide(dtype: np.dtype[Any]) -> type[np.float64] | type[np.int64]:

@@ -40,26 +40,32 @@ class TimedScans:
         points: FloatArray,
         raw_times: NDArray[Any] | None,
         intensity: NDArray[Any] | None = None,
+        *,
+        are_near: bool = False,
     ) -> Scan:
         """A scan of returns `(N, 3)` with their recorded times `(N,)`, as recorded.
 
         Points that are too far, or whose time is no number or a stray, are left out.
 
+        Args:
+            stamp_ns: of the scan.
+            points: metres.
+            raw_times: in any unit.
+            intensity: `(N,)`.
+            are_near: no point is too far; this need not be looked at.
+
         Raises:
             InputError: more than a few points are too far.
         """
-        keep = self._near(points)
-        if raw_times is not None:
-            timed = _timed(raw_times)
+        keep = None if are_near else self._near(points)
+        if raw_times is not None and (timed := _timed(raw_times)) is not None:
             if not timed.any():
                 raw_times = None
-            elif keep is None:
-                keep = None if timed.all() else timed
             else:
-                keep &= timed
+                keep = timed if keep is None else keep & timed
         if keep is not None:
             points, raw_times, intensity = points[keep], _of(raw_times, keep), _of(intensity, keep)
-        if raw_times is not None and (stray := strays(raw_times)).any():
+        if raw_times is not None and (stray := strays(raw_times)) is not None:
             points, raw_times, intensity = points[~stray], raw_times[~stray], _of(intensity, ~stray)
         times = None if raw_times is None else self._clock.seconds_after(stamp_ns, raw_times)
         return Scan(stamp_ns, points, times, None if intensity is None else _float32(intensity))
@@ -82,10 +88,12 @@ class TimedScans:
         return near
 
 
-def _timed(raw_times: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which of the recorded times `(N,)` are numbers that can be reckoned with."""
-    if raw_times.dtype.kind in "iu" and raw_times.dtype.itemsize < 8:
-        return np.ones(len(raw_times), bool)
+def _timed(raw_times: NDArray[Any]) -> NDArray[np.bool_] | None:
+    """Which of the recorded times `(N,)` are numbers that can be reckoned with; None: all."""
+    if not len(raw_times) or (raw_times.dtype.kind in "iu" and raw_times.dtype.itemsize < 8):
+        return None
+    if raw_times.min() > -_LARGEST_TIME and raw_times.max() < _LARGEST_TIME:  # both are false for NaN
+        return None
     if raw_times.dtype.kind == "i":
         return np.asarray((raw_times < _LARGEST_TIME) & (raw_times > -_LARGEST_TIME))
     with np.errstate(invalid="ignore"):

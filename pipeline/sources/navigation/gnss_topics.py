@@ -10,8 +10,9 @@ from typing import Protocol, cast
 import numpy as np
 
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import plausible_rows
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.stamps import Stamped, mended
 from wiclosure.types import GnssLog
 
@@ -19,6 +20,8 @@ logger = logging.getLogger(__name__)
 
 FIX_TYPE = "sensor_msgs/msg/NavSatFix"
 UNKNOWN_SIGMA_M = (3.0, 3.0, 6.0)  # of a receiver that states none: open sky, no corrections
+
+GNSS_BOUNDS = np.array([90.0, 360.0, 1e5])  # degrees and metres
 
 
 class _Status(Protocol):
@@ -52,17 +55,22 @@ def read_fix_topic(path: Path, topic: str, *, salvage: bool = False) -> GnssLog:
         name = bag.require_topic_of(FIX_TYPE, topic)
         messages = [(received_ns, cast("_Fix", message)) for received_ns, message in bag.messages(name)]
     place = f"{path}, topic {name}"
+    with usual_fields(place):
+        return _log(messages, place)
+
+
+def _log(messages: list[tuple[int, _Fix]], place: str) -> GnssLog:
+    """The fixes among messages, each with its time of reception."""
     fixes = [(received_ns, fix) for received_ns, fix in messages if fix.status.status >= 0 and _is_place(fix)]
     if not fixes:
         raise InputError(f"{place}: none of {len(messages)} messages holds a fix; leave the topic out")
     if len(fixes) < len(messages):
         logger.warning("%s: %d of %d messages hold no fix", place, len(messages) - len(fixes), len(messages))
     kept = list(mended((Stamped(nanoseconds_of(fix.header.stamp), ns, fix) for ns, fix in fixes), place))
-    return GnssLog(
-        np.array([ns for ns, _ in kept], np.int64),
-        np.array([[fix.latitude, fix.longitude, fix.altitude] for _, fix in kept], float),
-        np.array([_sigma(fix) for _, fix in kept], float),
-    )
+    places = np.array([[fix.latitude, fix.longitude, fix.altitude] for _, fix in kept], float)
+    keep = plausible_rows(place, "fixes", places, GNSS_BOUNDS, "expected degrees and metres; leave the topic out")
+    stamps_ns, sigma = np.array([ns for ns, _ in kept], np.int64), np.array([_sigma(fix) for _, fix in kept], float)
+    return GnssLog(stamps_ns[keep], places[keep], sigma[keep])
 
 
 def _is_place(fix: _Fix) -> bool:

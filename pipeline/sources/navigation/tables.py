@@ -13,7 +13,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_rows
 from wiclosure.formats.radio_units import stamp_ns
 from wiclosure.formats.text_table import number_of, open_table
-from wiclosure.pipeline.sources.navigation.gnss_topics import UNKNOWN_SIGMA_M
+from wiclosure.pipeline.sources.navigation.gnss_topics import GNSS_BOUNDS, UNKNOWN_SIGMA_M
 from wiclosure.pipeline.sources.navigation.imu_topics import FASTEST_RAD_S, STRONGEST_M_S2
 from wiclosure.types import FloatArray, GnssLog, ImuLog, IntArray
 
@@ -22,7 +22,6 @@ logger = logging.getLogger(__name__)
 _ACCELERATION = r"(a|acc|accel|accelerations?|linear_?acceleration)"
 _RATE = r"(w|g|gyr|gyro|omega|rates?|turning_?rate|angular_?velocity|angular_?rate)"
 IMU_BOUNDS = np.array([STRONGEST_M_S2] * 3 + [FASTEST_RAD_S] * 3)
-GNSS_BOUNDS = np.array([90.0, 360.0, 1e5])  # degrees and metres
 _SIGMA = r"(sigma|std|sd|stddev)\b|(sigma|std|sd)_"
 _STAMP = r"#?\s*(stamp|time|timestamp|t)\b.*"
 IMU_COLUMNS: Mapping[str, str] = {

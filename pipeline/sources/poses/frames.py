@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Protocol, cast
 
@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
+from wiclosure.formats.plausible import FURTHEST_M, LONGEST_QUATERNION
 from wiclosure.pipeline.sources.bag import Bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, usual_fields
 from wiclosure.types import FloatArray, Scan
 
 logger = logging.getLogger(__name__)
@@ -59,8 +60,8 @@ def frame_name(frame_id: str) -> str:
 def matrix(transform: _Transform) -> FloatArray | None:
     """`T_parent_child (4, 4)`, or None where the numbers are no transform."""
     p, q = transform.translation, transform.rotation
-    numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-    if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < 1e-9:
+    numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], float)
+    if not (np.abs(numbers[:3]) < FURTHEST_M).all() or not 1e-9 < np.abs(numbers[3:]).max() < LONGEST_QUATERNION:
         return None
     return se3.from_rotation_translation(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
 
@@ -82,10 +83,11 @@ class StaticTransforms:
         for name, topic in bag.topics.items():
             if name.endswith(_STATIC) and topic.msgtype in TF_TYPES and topic.is_ros:
                 for _, message in bag.messages(name):
-                    for stamped in cast("_TFMessage", message).transforms:
-                        T = matrix(stamped.transform)
-                        if T is not None:
-                            edges[frame_name(stamped.header.frame_id), frame_name(stamped.child_frame_id)] = T
+                    with usual_fields(f"{bag.path}, topic {name}"):
+                        for stamped in cast("_TFMessage", message).transforms:
+                            T = matrix(stamped.transform)
+                            if T is not None:
+                                edges[frame_name(stamped.header.frame_id), frame_name(stamped.child_frame_id)] = T
         return cls(edges)
 
     def between(self, target: str, source: str) -> FloatArray | None:
@@ -103,25 +105,26 @@ class StaticTransforms:
 
 
 class OneFrame:
-    """Turns the scans of one topic into the axes of the first one's frame.
+    """Turns the scans of one topic into the axes of one frame.
 
     Args:
         bag: holds the static transforms.
         place: what is read, for the log.
+        first: frames of the first scans; the most frequent is taken, of several the first.
     """
 
-    def __init__(self, bag: Bag, place: str) -> None:
+    def __init__(self, bag: Bag, place: str, first: Iterable[str]) -> None:
         self._bag, self._place = bag, place
-        self._frame: str | None = None
+        named = Counter(filter(None, map(frame_name, first)))
+        self._frame = named.most_common(1)[0][0] if named else ""
         self._T_frame: dict[str, FloatArray | None] = {}
         self._left_out: Counter[str] = Counter()
 
     def turned(self, scan: Scan, frame_id: str) -> Scan | None:
-        """The scan in the first one's axes, or None where nothing tells how."""
+        """The scan in the axes of all, or None where nothing tells how; a frame without a name is that of all."""
         frame = frame_name(frame_id)
-        if self._frame is None:
-            self._frame = frame
-        if frame == self._frame:
+        self._frame = self._frame or frame
+        if frame in {self._frame, ""}:
             return scan
         if frame not in self._T_frame:
             T = self._T_frame[frame] = StaticTransforms.of(self._bag).between(self._frame, frame)
@@ -142,6 +145,6 @@ class OneFrame:
         """Says what was left out."""
         for frame, count in self._left_out.items():
             logger.warning(
-                "%s: %d clouds of frame %s were left out: no static transform connects it with %s, the first one's;"
+                "%s: %d clouds of frame %s were left out: no static transform connects it with %s;"
                 " record /tf_static, or each sensor on a topic of its own", self._place, count, frame, self._frame,
             )  # fmt: skip

@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
+from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
 from wiclosure.pipeline.sources.bag import Bag, topic_name
 from wiclosure.pipeline.sources.bags import open_bag
-from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of
+from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.poses.frames import TF_TYPES, TransformStamped, frame_name
 from wiclosure.pipeline.sources.stamps import Stamped, mended
 from wiclosure.types import Trajectory
@@ -90,7 +91,7 @@ class _Transforms(Protocol):
 
 def _numbers(position: _Vector, orientation: _Quaternion) -> list[float]:
     p, q = position, orientation
-    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+    return [float(number) for number in (p.x, p.y, p.z, q.x, q.y, q.z, q.w)]
 
 
 def _of_odometry(message: object) -> Iterator[_PoseRow]:
@@ -156,16 +157,12 @@ def read_pose_topic(path: Path, topic: str, robot: str, *, salvage: bool = False
         of_path = bag.topics[found].msgtype == _PATH_TYPE
         if of_path:
             messages = messages[-1:]  # each holds all poses up to its time
-        try:
+        with usual_fields(f"{path}, topic {found}"):
             rows = [
                 _Received(row[0] if of_path else received_ns, row[0], row[1], (frame_name(row[2]), frame_name(row[3])))
                 for received_ns, message in messages
                 for row in read(message)
             ]
-        except AttributeError as error:
-            raise InputError(
-                f"{path}, topic {found}: the bag's own definition of its messages is another ({error}); is it damaged?"
-            ) from error
     if not rows:
         raise InputError(f"{path}: topic {found} holds no messages; name another, or leave the odometry to KISS-ICP")
     rows = _of_one_body(rows, frames, f"{path}, topic {found}")
@@ -229,7 +226,7 @@ def _of_one_body(rows: list[_Received], frames: tuple[str, str] | None, place: s
 
 def _trajectory(rows: list[_Received], robot: str, place: str) -> Trajectory:
     """The poses that are some, at stamps that increase (see `wiclosure.pipeline.sources.stamps`)."""
-    good = [row for row in rows if np.isfinite(row.pose).all() and np.linalg.norm(row.pose[3:]) > 1e-9]
+    good = [row for row in rows if np.isfinite(row.pose).all() and _is_quaternion(row.pose[3:])]
     if not good:
         raise InputError(
             f"{place}: none of {len(rows)} messages holds a pose; positions or orientations are no numbers"
@@ -240,4 +237,11 @@ def _trajectory(rows: list[_Received], robot: str, place: str) -> Trajectory:
     numbers = np.array([pose for _, pose in stamped])
     rotation = Rotation.from_quat(numbers[:, 3:]).as_matrix()
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in stamped], np.int64)
-    return Trajectory(robot, stamps_ns, se3.from_rotation_translation(rotation, numbers[:, :3]))
+    near = plausible_path(place, stamps_ns, numbers[:, :3])
+    poses = se3.from_rotation_translation(rotation[near], numbers[near, :3])
+    return Trajectory(robot, stamps_ns[near], poses)
+
+
+def _is_quaternion(numbers: list[float]) -> bool:
+    """Whether four finite numbers can be made one of length one."""
+    return 1e-9 < max(map(abs, numbers)) < LONGEST_QUATERNION

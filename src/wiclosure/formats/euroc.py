@@ -5,6 +5,7 @@ Where a line of names tells another order of the pose (`qx qy qz qw`), that orde
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import LATEST_NS, LONGEST_QUATERNION, plausible_path
 from wiclosure.formats.pose_columns import line_of_names, pose_columns
+from wiclosure.formats.radio_units import stamp_ns, stamp_unit_of
 from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.types import Trajectory
 
@@ -38,6 +40,12 @@ def is_euroc(line: str) -> bool:
 def _is_pose(row: list[float]) -> bool:
     """Whether numbers x, y, z and of a quaternion are finite, and the last four no zero."""
     return bool(np.isfinite(row).all() and 1e-9 <= max(map(abs, row[3:])) < LONGEST_QUATERNION)
+
+
+def _nanoseconds(stamp: str) -> int:
+    """A whole number of nanoseconds, or of ticks of a clock that its size tells."""
+    unit = stamp_unit_of(Decimal(int(stamp)))
+    return stamp_ns(stamp, unit if unit in {"filetime", "dotnet"} else "ns")
 
 
 def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
@@ -65,15 +73,17 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
         words = [word.strip() for word in line.split(",")]
         try:
             row = [float(words[column]) for column in pose]
-            stamp_ns = int(words[stamp_column])
+            at_ns = _nanoseconds(words[stamp_column])
         except (ValueError, IndexError):
-            row, stamp_ns = [], 0
-        if len(row) < _COLUMNS - 1 or stamp_ns > LATEST_NS or not _is_pose(row):
+            row, at_ns = [], 0
+        if len(row) < _COLUMNS - 1 or at_ns > LATEST_NS or not _is_pose(row):
             raise InputError(f"{path}, line {number}: expected stamp [ns], x, y, z, qw, qx, qy, qz")
-        if stamps_ns and stamp_ns < stamps_ns[-1]:
-            raise InputError(f"{path}, line {number}: stamp {stamp_ns} is before the one above; sort the file")
-        if not stamps_ns or stamp_ns > stamps_ns[-1]:
-            stamps_ns.append(stamp_ns)
+        if stamps_ns and at_ns < stamps_ns[-1]:
+            raise InputError(
+                f"{path}, line {number}: stamp {words[stamp_column]} is before the one above; sort the file"
+            )
+        if not stamps_ns or at_ns > stamps_ns[-1]:
+            stamps_ns.append(at_ns)
             rows.append(row)
     if not rows:
         raise InputError(f"{path} holds no poses; expected stamp [ns], x, y, z, qw, qx, qy, qz a line")

@@ -74,6 +74,7 @@ def _hypothesis(hypothesis: AlignmentHypothesis) -> dict[str, Any]:
         "T_a_b": _numbers(hypothesis.T_a_b),
         "log_likelihood": hypothesis.log_likelihood,
         "paths_kept": [list(map(int, kept)) for kept in hypothesis.paths_kept],
+        "blunder": hypothesis.blunder,
     }
 
 

@@ -1,4 +1,4 @@
-"""Trajectories as KITTI pose files: the twelve numbers of a 3x4 matrix a line, row by row, no stamps."""
+"""Trajectories as KITTI pose files: the twelve numbers of a 3x4 matrix a line, row by row, as a rule without stamps."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import FURTHEST_M
+from wiclosure.formats.radio_units import stamp_ns
 from wiclosure.types import FloatArray, IntArray
 
 _SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact
 _MOST_FRAMES = 1e9
-_NUMBERS = (12, 13, 16, 17)  # a line: three or four rows, and a frame's number before them (KITTI-360)
+_NUMBERS = (12, 13, 16, 17)  # a line: three or four rows, and a frame's number (KITTI-360) or a stamp before them
 
 
 class KittiPoses(NamedTuple):
-    """Poses `(N, 4, 4)`, and the numbers `(N,)` of their frames where the file states them."""
+    """Poses `(N, 4, 4)`, and the numbers `(N,)` of their frames, or their stamps `(N,)`, where the file states them."""
 
     poses: FloatArray
     frames: IntArray | None
+    stamps_ns: IntArray | None
 
 
 def read_kitti_poses(path: Path | str) -> KittiPoses:
     """The poses in a KITTI pose file, as they stand there.
 
     Args:
-        path: 12 numbers a line (the upper three rows of a pose) or 16, perhaps after the frame's number.
+        path: 12 numbers a line (the upper three rows of a pose) or 16, perhaps after the frame's number or a stamp.
 
     Raises:
         InputError: the file cannot be read, or a line is something else.
@@ -50,17 +52,33 @@ def read_kitti_poses(path: Path | str) -> KittiPoses:
             raise InputError(f"{path}, line {number}: expected 12 numbers (a 3 x 4 matrix), row by row")
         if not np.isfinite(numbers[row]).all():
             raise InputError(f"{path}, line {number}: not finite; expected 12 numbers (a 3 x 4 matrix)")
-    frames = None
-    if width in {13, 17}:
-        whole = (numbers[:, 0] == np.round(numbers[:, 0])) & (np.abs(numbers[:, 0]) < _MOST_FRAMES)
-        if len(odd := np.flatnonzero(~whole)):
-            raise InputError(f"{path}, line {rows[odd[0]][0]}: {numbers[odd[0], 0]:g} is no number of a frame")
-        frames = numbers[:, 0].astype(np.int64)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = numbers[:, width % 4 :][:, :12].reshape(-1, 3, 4)
     if len(far := np.flatnonzero((np.abs(poses[:, :3, 3]) > FURTHEST_M).any(axis=1))):
         raise InputError(f"{path}, line {rows[far[0]][0]}: a position beyond {FURTHEST_M:g} m; expected metres")
-    return KittiPoses(_made_exact(path, poses, [number for number, _ in rows]), frames)
+    first = [(number, words[0]) for number, words in rows] if width % 4 else []
+    frames, stamps_ns = _frames_or_stamps(path, first) if first else (None, None)
+    return KittiPoses(_made_exact(path, poses, [number for number, _ in rows]), frames, stamps_ns)
+
+
+def _frames_or_stamps(path: Path, column: list[tuple[int, str]]) -> tuple[IntArray | None, IntArray | None]:
+    """What the first numbers of the lines are: whole numbers of frames, or times that increase."""
+    numbers = np.array([float(word) for _, word in column])
+    if (numbers == np.round(numbers)).all() and (np.abs(numbers) < _MOST_FRAMES).all():
+        return numbers.astype(np.int64), None
+    stamps_ns = np.zeros(len(column), np.int64)
+    for row, (line, word) in enumerate(column):
+        try:
+            stamps_ns[row] = stamp_ns(word, "auto")
+        except ValueError:
+            raise InputError(f"{path}, line {line}: {word[:40]} is neither a frame's number nor a time") from None
+    if len(back := np.flatnonzero(np.diff(stamps_ns) <= 0)):
+        line, word = column[back[0] + 1]
+        raise InputError(
+            f"{path}, line {line}: {word[:40]} is no frame's number, and as a time it is not after that of the line"
+            " before"
+        )
+    return None, stamps_ns
 
 
 def _made_exact(path: Path, poses: FloatArray, lines: list[int]) -> FloatArray:

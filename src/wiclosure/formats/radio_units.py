@@ -9,10 +9,11 @@ from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from typing import Literal, TypeAlias
 
+from wiclosure.formats.epochs import DOTNET, FILETIME, Epoch
 from wiclosure.formats.plausible import LATEST_NS
 
 LengthUnit: TypeAlias = Literal["m", "mm", "cm", "dm", "km", "ft", "in"]
-TimeUnit: TypeAlias = Literal["auto", "s", "ms", "100us", "10us", "us", "100ns", "ns"]
+TimeUnit: TypeAlias = Literal["auto", "s", "ms", "100us", "10us", "us", "100ns", "ns", "filetime", "dotnet"]
 AngleUnit: TypeAlias = Literal["rad", "deg"]
 AzimuthZero: TypeAlias = Literal["forward", "left", "back", "right"]
 ElevationZero: TypeAlias = Literal["horizontal", "up"]
@@ -29,6 +30,8 @@ METRES: Mapping[LengthUnit, float] = {
 NANOSECONDS: Mapping[TimeUnit, int] = {
     "s": 10**9, "ms": 10**6, "100us": 10**5, "10us": 10**4, "us": 10**3, "100ns": 100, "ns": 1
 }  # fmt: skip
+_TICKS: Mapping[TimeUnit, Epoch] = {"filetime": FILETIME, "dotnet": DOTNET}
+_TICK_NS = 100
 _FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
 _ZERO_RAD: Mapping[AzimuthZero, float] = {
     "forward": 0.0,
@@ -45,8 +48,11 @@ def metres(value: float, unit: LengthUnit) -> float:
 
 
 def stamp_unit_of(value: Decimal) -> TimeUnit:
-    """The unit of a time since 1970, told by its size; times since a start-up are taken for seconds."""
+    """The unit of a time since 1970, or the clock it is of, told by its size; times since a start-up are seconds."""
     size = abs(value)
+    for clock, epoch in _TICKS.items():
+        if _FROM_S * 10**9 <= size * _TICK_NS - epoch.before_1970_ns < _TO_S * 10**9:
+            return clock
     for unit, nanoseconds in NANOSECONDS.items():
         if _FROM_S * 10**9 <= size * nanoseconds < _TO_S * 10**9:
             return unit
@@ -73,7 +79,11 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
         raise ValueError(f"{str(value)[:40]!r} is no time: it lies beyond the year 2200")
     if number.adjusted() < -30:
         return 0
-    scaled = round(number * NANOSECONDS[stamp_unit_of(number) if unit == "auto" else unit])
+    unit = stamp_unit_of(number) if unit == "auto" else unit
+    if unit in _TICKS:
+        scaled = round(number * _TICK_NS) - _TICKS[unit].before_1970_ns
+    else:
+        scaled = round(number * NANOSECONDS[unit])
     if abs(scaled) > LATEST_NS:
         raise ValueError(f"{str(value)[:40]!r} is no time: it lies beyond the year 2200")
     return scaled

@@ -9,6 +9,8 @@ from typing import Literal, TypeAlias
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.euroc import is_euroc, read_euroc
+from wiclosure.formats.kitti_poses import read_kitti_poses
+from wiclosure.formats.plausible import plausible_path
 from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.formats.tum import read_tum
 from wiclosure.types import Trajectory
@@ -37,17 +39,21 @@ def trajectory_kind(path: Path) -> TrajectoryKind:
 
 
 def read_trajectory(path: Path | str, robot: str, drift: DriftModel | None = None) -> Trajectory:
-    """The trajectory in a TUM or EuRoC file.
+    """The trajectory in a TUM or EuRoC file, or one of KITTI poses with a stamp before each.
 
     Raises:
-        InputError: the file cannot be read, or holds KITTI poses, which carry no stamps.
+        InputError: the file cannot be read, or holds KITTI poses without stamps.
     """
     path = Path(path)
     match trajectory_kind(path):
         case "euroc":
             return read_euroc(path, robot, drift)
         case "kitti":
-            raise InputError(
-                f"{path} holds KITTI poses, which carry no stamps; give a TUM file (stamp x y z qx qy qz qw)"
-            )
+            poses, _, stamps_ns = read_kitti_poses(path)
+            if stamps_ns is None:
+                raise InputError(
+                    f"{path} holds KITTI poses, which carry no stamps; give a TUM file (stamp x y z qx qy qz qw)"
+                )
+            near = plausible_path(path, stamps_ns, poses[:, :3, 3])
+            return Trajectory(robot, stamps_ns[near], poses[near], drift or DriftModel())
     return read_tum(path, robot, drift)

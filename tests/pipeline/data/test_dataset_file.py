@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,15 @@ def test_files_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
         read_dataset_file(tmp_path / "gone.yaml")
     with pytest.raises(OutputError, match=r"cannot write the data set .*nowhere"):
         write_dataset(tmp_path / "nowhere" / "dataset.yaml", {})
+
+
+@pytest.mark.parametrize("key", ["scans", "odometry", "ground_truth", "imu", "wireless"])
+@pytest.mark.parametrize("name", ["pipe", "/dev/zero"])
+def test_what_never_ends_is_no_input(tmp_path: Path, key: str, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "a.bag").touch()
+    keys = {"scans": "a.bag"} | ({key: name} if key != "wireless" else {})
+    content = {"robots": {"alpha": keys}} | ({"wireless": [name]} if key == "wireless" else {})
+    (tmp_path / "dataset.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match=f"{name}, which is neither a file nor a folder; name one"):
+        read_dataset_file(tmp_path / "dataset.yaml")

@@ -85,3 +85,30 @@ def test_a_poses_file_beside_a_folder_of_clouds(tmp_path: Path) -> None:
     truth = recorded_ground_truth("alpha", RobotRecording(folder / "velodyne", ground_truth=tmp_path / "truth.txt"))
     assert truth is not None
     np.testing.assert_array_equal(truth.positions[:, 0], range(4))
+
+
+def test_poses_with_stamps_are_matched_with_scans_by_them(tmp_path: Path) -> None:
+    of_scans = kitti_ground_truth(
+        kitti(tmp_path, 5, "".join(f"{1 + k / 10:.9f} {line(k)}" for k in (1, 2, 4, 9))), "alpha"
+    )
+    assert of_scans is not None
+    np.testing.assert_array_equal(of_scans.stamps_ns, 10**9 + np.array([1, 2, 4]) * 10**8)
+    np.testing.assert_array_equal(of_scans.positions[:, 0], [1, 2, 4])
+    with pytest.raises(InputError, match="none of its stamps is that of a scan"):
+        kitti_ground_truth(kitti(tmp_path / "far", 5, f"77.25 {line(0)}88.25 {line(1)}"), "alpha")
+
+
+def test_poses_with_stamps_need_no_scans(tmp_path: Path) -> None:
+    folder = kitti(tmp_path, 4, "")
+    (tmp_path / "truth.txt").write_text("".join(f"{1 + k / 20:.9f} {line(k)}" for k in range(8)))
+    truth = recorded_ground_truth("alpha", RobotRecording(folder, ground_truth=tmp_path / "truth.txt"))
+    assert truth is not None
+    np.testing.assert_array_equal(truth.stamps_ns, 10**9 + np.arange(8) * 50_000_000)
+
+
+def test_the_clock_of_ground_truth_that_does_not_overlap_is_named(tmp_path: Path) -> None:
+    scans = [Scan(1_700_000_000 * 10**9 + k * 10**8, np.full((5, 3), k + 1.0)) for k in range(20)]
+    write_kitti_folder(tmp_path / "08", scans)
+    (tmp_path / "a.tum").write_text("".join(f"{1_384_035_218 + k / 10:.3f} {k} 0 0 0 0 0 1\n" for k in range(20)))
+    with pytest.raises(InputError, match=r"fit as seconds since 1980 \(GPS time\): add 315964782 to them"):
+        recorded_ground_truth("alpha", RobotRecording(tmp_path / "08", ground_truth=tmp_path / "a.tum"))

@@ -226,7 +226,8 @@ def _map(rng: np.random.Generator, merged: dict[str, Trajectory], joined: Sequen
     ]
     points = at + rng.normal(0, [8, 8, 0.05], (map_points, 3))
     points[::2, 2] += rng.uniform(0, 5, len(points[::2]))
-    return MergedMap(points.astype(np.float32), ROBOT_COLOURS[robot % len(ROBOT_COLOURS)])
+    intensity = (100 + 50 * np.sin(points[:, 0])).astype(np.float32)
+    return MergedMap(points.astype(np.float32), ROBOT_COLOURS[robot % len(ROBOT_COLOURS)], intensity)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.runtime.log import json_log, printable, warnings_on_terminal
+from wiclosure.errors import printable
+from wiclosure.pipeline.runtime.log import json_log, warnings_on_terminal
 
 OURS = logging.getLogger("wiclosure.backends.pcm")
 

@@ -80,9 +80,15 @@ def test_the_number_of_a_scan_is_its_line_blank_ones_counted(tmp_path: Path, kep
     assert [scan.points[0, 0] for scan in read] == [k + 1 for k in kept]
 
 
-def test_a_scan_whose_line_is_blank_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"19 times for 3 scans .*0000000006\.bin.* \(1 of its lines are blank\)"):
-        open_source(raw_drive(tmp_path, [4, 5, 6], [6]))
+def test_a_scan_whose_line_is_blank_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    read = list(open_source(raw_drive(tmp_path, list(range(20)), [6])))
+    assert [scan.points[0, 0] for scan in read] == [k + 1 for k in range(20) if k != 6]
+    assert "1 scans have no time, as that of line 7; they are left out" in caplog.text
+
+
+def test_scans_whose_lines_are_blank_are_refused_where_they_are_many(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"18 times for 3 scans .*0000000006\.bin.* \(2 of its lines are blank\)"):
+        open_source(raw_drive(tmp_path, [4, 5, 6], [5, 6]))
 
 
 def test_a_scan_of_odd_size(kitti: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -171,3 +172,14 @@ def test_hidden_files_are_no_clouds(tmp_path: Path) -> None:
     path = cloud_files(tmp_path, around(), ".ply")
     (path / "._000001.ply").write_bytes(b"of another system")
     assert len(list(open_source(path))) == 3
+
+
+def test_what_never_ends_is_no_recording(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.bag")
+    with pytest.raises(InputError, match=r"a\.bag is neither a file nor a folder"):
+        open_source(tmp_path / "a.bag")
+    folder = tmp_path / "clouds"
+    folder.mkdir()
+    os.mkfifo(folder / "2.bin")
+    np.ones((5, 4), "<f4").tofile(folder / "1.bin")
+    assert len(list(open_source(folder))) == 1

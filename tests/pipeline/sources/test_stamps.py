@@ -40,6 +40,16 @@ def test_stamps_that_stand_still_become_times_of_reception(constant: int) -> Non
     assert [stamp for stamp, _ in mend([constant] * 12)] == REGULAR
 
 
+def test_missing_stamps_are_said_and_filled_in(caplog: pytest.LogCaptureFixture) -> None:
+    assert [stamp for stamp, _ in mend([0 if k in {3, 4} else stamp for k, stamp in enumerate(REGULAR)])] == REGULAR
+    assert "2 messages have no stamps; times of reception are used for them" in caplog.text
+
+
+def test_stamps_that_stand_twice_each_are_filled_in(caplog: pytest.LogCaptureFixture) -> None:
+    assert [stamp for stamp, _ in mend([REGULAR[k // 2 * 2] for k in range(12)])] == REGULAR
+    assert "5 messages repeat the stamp before them; times of reception are used for them" in caplog.text
+
+
 def test_a_clock_that_stops_goes_on_by_reception() -> None:
     headers = [stamp + 12_345 for stamp in REGULAR]
     headers[6:] = [headers[5]] * 6

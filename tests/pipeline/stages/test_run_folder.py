@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
+from wiclosure.errors import InputError
 from wiclosure.formats.tum import read_tum, write_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_ros2_bag
@@ -16,7 +17,7 @@ from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
-from wiclosure.pipeline.stages.run_folder import read_trajectories, write_run
+from wiclosure.pipeline.stages.run_folder import read_evaluation_settings, read_metrics, read_trajectories, write_run
 from wiclosure.types import Scan, Trajectory
 
 UTM_M = np.array([458_058.6, 5_429_380.2, 162.9])
@@ -124,3 +125,19 @@ def test_broken_ground_truth_is_reported_and_left_out(folder: Path) -> None:
     _, truth = read_trajectories(folder / "out")
     assert list(truth) == ["alpha"]
     assert "beta: ground truth is left out" in (folder / "out" / "metrics.json").read_text()
+
+
+@pytest.mark.parametrize(
+    "metrics",
+    ["[]", "{}", '{"components": 3}', '{"components": [{"robotse": []}]}', '{"components": [{"robots": [1]}]}'],
+)
+def test_metrics_of_something_else_are_refused(tmp_path: Path, metrics: str) -> None:
+    (tmp_path / "metrics.json").write_text(metrics)
+    with pytest.raises(InputError, match=r"metrics\.json does not hold the metrics of a run"):
+        read_metrics(tmp_path)
+
+
+def test_settings_of_an_evaluation_are_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").write_text("evaluation: {sigma_m: 1.0}")
+    with pytest.raises(InputError, match=r"unknown configuration key sigma_m in .*config\.yaml; [^\n]*$"):
+        read_evaluation_settings(tmp_path)

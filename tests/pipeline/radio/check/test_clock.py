@@ -44,8 +44,20 @@ def test_a_log_that_shares_a_time_is_left_alone():
         (log(1_700_000_050 + 5.5 * 3600), "s", {"time_offset": -19800}),
         (log(12.5), "s", {"time_offset": 1_699_999_987.5}),
         (log(1_700_000_000 - 40 * 86_400), "s", {}),
+        (log(1_384_035_268), "s", {"time_offset": 315_964_782}),
+        (log(252_868), "s", {"time_offset": 1_699_747_182}),
     ],
-    ids=["read as s", "read as ns", "ticks", "two hours", "half an hour too", "since a start", "another day"],
+    ids=[
+        "read as s",
+        "read as ns",
+        "ticks",
+        "two hours",
+        "half an hour too",
+        "since a start",
+        "another day",
+        "GPS time",
+        "GPS week",
+    ],
 )
 def test_what_explains_that_nothing_overlaps(span, read, settings):
     found = check_overlap(span, POSES, read)

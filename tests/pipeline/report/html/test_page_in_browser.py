@@ -115,7 +115,15 @@ def test_every_toggle_changes_the_picture(opened: Open, run_page: Path) -> None:
     boxes = page.locator("#map input")
     labels = [text.strip() for text in page.locator("#map .toggle").all_inner_texts()]
     expected = {"map", "paths", "keyframes", "accepted closures", "rejected closures", "radio links", "ground truth"}
-    assert expected | {"alpha", "beta", "gamma (not connected)", "robot", "height", "after merging"} <= set(labels)
+    assert expected | {
+        "alpha",
+        "beta",
+        "gamma (not connected)",
+        "robot",
+        "height",
+        "intensity",
+        "after merging",
+    } <= set(labels)
     for n in range(boxes.count()):
         box = boxes.nth(n)
         if box.is_disabled():  # before merging there is nothing but odometry

@@ -53,6 +53,14 @@ def test_dates_in_any_unit(unit_ns: int, prefix: str) -> None:
     assert stamps([f"{prefix}{ns // unit_ns}" for ns in expected]) == expected
 
 
+@pytest.mark.parametrize("prefix", ["", "scan_"])
+def test_ticks_since_1601_and_in_ten_microseconds(prefix: str) -> None:
+    filetimes = [f"{prefix}{133_444_736_000_000_000 + k * 10**6}" for k in range(25)]
+    assert stamps(filetimes) == TENTHS
+    assert "filetime" in stamps_of_names(filetimes).how
+    assert stamps([f"{prefix}{ns // 10**4}" for ns in TENTHS]) == TENTHS
+
+
 @given(st.lists(st.integers(0, 99_999), min_size=1, max_size=50, unique=True), st.sampled_from(["", "scan_", "f-"]))
 def test_frame_numbers_padded_or_not(numbers: list[int], prefix: str) -> None:
     for width in (1, 6):
@@ -64,6 +72,16 @@ def test_frame_numbers_padded_or_not(numbers: list[int], prefix: str) -> None:
 def test_names_without_order_of_their_own() -> None:
     assert stamps(["scan_a", "scan_b", "other"]) == [0, 10**8, 2 * 10**8]
     assert stamps(["b_1_2", "b_2_1"]) == [0, 10**8]
+
+
+@pytest.mark.parametrize("separator", [".", "_"])
+@pytest.mark.parametrize("prefix", ["", "scan_"])
+def test_whole_seconds_may_have_lost_their_fraction(separator: str, prefix: str) -> None:
+    names = [f"{prefix}{START_S + k // 10}" + (f"{separator}{k % 10}" if k % 10 else "") for k in range(25)]
+    assert (
+        stamps(names if separator == "." else [n + "00000000" * (n.count("_") > prefix.count("_")) for n in names])
+        == TENTHS
+    )
 
 
 def test_natural_order() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wiclosure.formats.epochs import epochs_at
 from wiclosure.pipeline.sources.messages.point_times import PointClock, strays
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -66,14 +67,66 @@ def test_a_sweep_of_hours_is_used_without_times_and_said_once(caplog):
 def test_wrong_times_are_strays_and_a_sweeps_own_are_none(seed, n, far):
     rng = np.random.default_rng(seed)
     times = rng.uniform(0.0, 0.1, n)
-    assert not strays(times).any()
+    assert strays(times) is None
     wrong = rng.choice(n, 2, replace=False)
     times[wrong] = [0.1 + 0.1 * far, -0.1 * far]
     assert np.flatnonzero(strays(times)).tolist() == sorted(wrong.tolist())
 
 
 def test_among_few_points_and_where_many_are_late_there_are_no_strays():
-    assert not strays(np.array([0.0] * 18 + [99.0])).any()
+    assert strays(np.array([0.0] * 18 + [99.0])) is None
     times = np.linspace(0.0, 0.1, 1000)
     times[-50:] = 5.0
-    assert not strays(times).any()
+    assert strays(times) is None
+
+
+@pytest.mark.parametrize(("ns_per_unit", "name"), [(10**5, "100us"), (10**4, "10us"), (100, "100ns")])
+def test_rare_units_are_told_by_sweeps_that_fill_the_time_between_scans(ns_per_unit, name, caplog):
+    ticks = np.arange(0, 10**8, 10**5) // ns_per_unit
+    found = PointClock("a.bag", period_s=0.1).seconds_after(STAMP_NS, ticks)
+    np.testing.assert_allclose(found, ticks * ns_per_unit * 1e-9, atol=1e-9)
+    assert f"units of {name}" in caplog.text
+
+
+@pytest.mark.parametrize(("ns_per_unit", "share"), [(10**3, 0.3), (1, 0.11), (10**6, 0.05), (10**9, 1.0)])
+def test_sweeps_of_a_sector_keep_the_usual_units(ns_per_unit, share):
+    ticks = np.linspace(0, share * 1e8, 500) / ns_per_unit
+    found = PointClock(period_s=0.1).seconds_after(STAMP_NS, ticks)
+    assert found[-1] == pytest.approx(share * 0.1)
+
+
+def test_a_rare_unit_is_given_up_when_a_later_sweep_is_longer():
+    clock = PointClock(period_s=0.1)
+    clock.seconds_after(STAMP_NS, np.linspace(0, 9.9e6, 500))  # a tenth of a sweep in ns, as if it were in units of 10
+    assert clock.seconds_after(STAMP_NS, np.linspace(0, 9.9e7, 500))[-1] == pytest.approx(0.099)
+
+
+@pytest.mark.parametrize("epoch", epochs_at(STAMP_NS)[1:])
+@pytest.mark.parametrize("ns_per_unit", [100, 10**3, 10**6])
+def test_dates_of_other_epochs_count_from_the_stamp(epoch, ns_per_unit, caplog):
+    offsets_ns = np.arange(-50_000_000, 50_000_000, 100_000)
+    ticks = [(STAMP_NS + epoch.before_1970_ns + offset) // ns_per_unit for offset in offsets_ns.tolist()]
+    with caplog.at_level(logging.INFO):
+        found = PointClock("a.bag", period_s=0.1).seconds_after(STAMP_NS, np.array(ticks, np.int64))
+    np.testing.assert_allclose(found, offsets_ns * 1e-9, atol=ns_per_unit * 1.1e-9)
+    assert epoch.name in caplog.text
+
+
+@given(
+    start_s=st.floats(0.5, 4.0), dtype=st.sampled_from(["u4", "f8"]),
+    sweeps=st.integers(45, 60),
+)  # fmt: skip
+def test_32_bits_of_nanoseconds_go_on_when_they_begin_anew(start_s, dtype, sweeps):
+    clock = PointClock(period_s=0.1)
+    for sweep in range(sweeps):
+        ns = (np.int64((start_s + 0.1 * sweep) * 1e9) + np.arange(0, 99_000_000, 90_000)) % 2**32
+        found = clock.seconds_after(STAMP_NS + sweep * 10**8, ns.astype(dtype))
+        np.testing.assert_allclose(found, np.arange(0, 99_000_000, 90_000) * 1e-9, atol=1e-12)
+
+
+def test_offsets_before_the_stamp_in_unsigned_integers_are_negative():
+    ns = np.arange(-50_000_000, 49_000_000, 90_000)
+    clock = PointClock(period_s=0.1)
+    for sweep in range(5):
+        found = clock.seconds_after(STAMP_NS + sweep * 10**8, (ns % 2**32).astype(np.uint32))
+        np.testing.assert_allclose(found, ns * 1e-9, atol=1e-12)

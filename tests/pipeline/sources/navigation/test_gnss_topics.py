@@ -39,3 +39,15 @@ def test_no_fix_at_all(write_bag, fix_message):
         read_fix_topic(path, "/fix")
     with pytest.raises(InputError, match="topics that have: /fix"):
         read_fix_topic(path, "/gps")
+
+
+def test_fixes_beyond_the_earth_are_left_out(write_bag, fix_message, caplog):
+    odd = {3: (47.0, 8.4, 1e9), 7: (1e4, 8.4, 400.0)}
+
+    def make(store):
+        rows = [(at(n), fix_message(store, at(n), odd.get(n, PLACE))) for n in range(50)]
+        return {"/fix": (FIX, rows)}
+
+    log = read_fix_topic(write_bag(make), "/fix")
+    assert log.stamps_ns.tolist() == [at(n) for n in range(50) if n not in odd]
+    assert "2 of 50 fixes lie beyond 90, 360, 100000" in caplog.text

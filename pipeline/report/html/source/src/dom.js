@@ -15,12 +15,13 @@ export function el(tag, attributes = {}, ...children) {
   return node;
 }
 
-export function figure(value, digits = 3) {
+export function figure(value, digits = 2) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value !== "number") return String(value);
-  if (Number.isInteger(value) || Math.abs(value) >= 1000) return Math.round(value).toLocaleString("en");
-  if (Math.abs(value) < 1e-3) return value.toExponential(1);
+  const size = Math.abs(value);
+  if (Number.isInteger(value) || size >= 10 ** (digits - 1)) return Math.round(value).toLocaleString("en");
+  if (size < 1e-3) return value > 0 ? "< 0.001" : value.toPrecision(1);
   return value.toPrecision(digits);
 }
 
@@ -41,7 +42,7 @@ export function table(caption, header, rows, { wide = false } = {}) {
   const right = header.map((_, column) => column > 0 && rows.length > 0 && rows.every((row) => !(row[column] instanceof Node) && numeric(row[column] ?? null)));
   const prose = header.map((_, column) => rows.some((row) => typeof row[column] === "string" && row[column].length > 30));
   const css = (column) => (right[column] ? "number" : prose[column] ? "prose" : undefined);
-  return el("div", { class: wide ? "scroll wide" : "scroll", tabindex: "0", role: "region", "aria-label": caption },
+  return el("div", { class: `scroll${wide ? " wide" : ""}${rows.length > 15 ? " long" : ""}`, tabindex: "0", role: "region", "aria-label": caption },
     el("table", {},
       el("caption", {}, el("span", {}, caption)),
       el("thead", {}, el("tr", {}, header.map((title, column) =>

@@ -78,7 +78,10 @@ function colours() {
     document.dispatchEvent(new Event("themechange"));
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => apply(chosen));
-  addEventListener("beforeprint", () => apply("light"));
+  addEventListener("beforeprint", () => {
+    for (const notes of document.querySelectorAll(".verdict details")) notes.open = true;
+    apply("light");
+  });
   addEventListener("afterprint", () => apply(chosen));
   return choice("Colours", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (theme) => apply((chosen = theme)));
 }

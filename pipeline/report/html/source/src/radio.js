@@ -85,10 +85,10 @@ function chart(holder, unit, series, data) {
     {
       width,
       height: 240,
-      scales: { x: { time: false } },
+      scales: { x: { time: false }, ...(unit === "degrees" ? { y: { range: [-190, 190] } } : {}) },
       cursor: { show: false },
       legend: { live: false, markers: { width: 0, fill: (_, k) => colour(series[k - 1]?.colour ?? "text") } },
-      axes: [{ ...axis, label: "time, s" }, { ...axis, label: unit, size: 58 }],
+      axes: [{ ...axis, label: "time, s" }, { ...axis, label: unit, size: 58, ...(unit === "degrees" ? { splits: () => [-180, -90, 0, 90, 180] } : {}) }],
       series: [
         { label: "time, s" },
         ...series.map((s) => ({

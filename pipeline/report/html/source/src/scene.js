@@ -1,7 +1,7 @@
 // The merged map in 3-D: points, paths, keyframes, closures, radio links.  Drawn when something changes only.
 import {
-  BufferAttribute, BufferGeometry, Color, ColorManagement, Group, LinearSRGBColorSpace, PerspectiveCamera, Points, PointsMaterial,
-  Scene, Sphere, TOUCH, Vector3, WebGLRenderer,
+  Box3, BufferAttribute, BufferGeometry, Color, ColorManagement, Group, LinearSRGBColorSpace, PerspectiveCamera, Points, PointsMaterial,
+  Scene, TOUCH, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Line2 } from "three/examples/jsm/lines/Line2.js";
@@ -41,31 +41,32 @@ export async function scene3d(run, onClosure) {
   const pickable = [];
   const map = await mapPoints(run);
   if (map) groups.map.add(map.points);
-  for (const robot of run.robots) await addRobot(robot, groups, pickable);
+  const apart = sideBySide();
+  for (const robot of run.robots) await addRobot(robot, groups, pickable, apart);
   addClosures(run, groups, pickable);
   await addRadio(run, groups, pickable);
 
-  const view = { bounds: boundsOf(map, pickable, "keyframes"), before: boundsOf(null, pickable, "before") };
-  let asked = false;
+  const view = { after: extentOf(pickable, "keyframes", map?.xyz), before: extentOf(pickable, "before") };
+  let asked = false, sized = false;
   const render = () => {
     asked = false;
     renderer.render(scene, camera);
     frame.dataset.drawn = String(Number(frame.dataset.drawn ?? 0) + 1);
   };
   const draw = () => {
-    if (!asked) requestAnimationFrame(render);
+    if (asked || !sized) return; // without a graphics card one drawing takes a second: none is to be in vain
+    requestAnimationFrame(render);
     asked = true;
   };
-  const look = (direction, of = groups.before.visible ? view.before : view.bounds) => {
-    const far = ((map ? 1.2 : 0.9) * of.radius) / Math.tan((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
-    controls.target.copy(of.center);
-    camera.position.copy(of.center).addScaledVector(direction.clone().normalize(), far);
+  const look = (direction, of = groups.before.visible ? view.before : view.after) => {
+    const { target, far } = framed(of, direction, camera);
+    controls.target.copy(target);
+    camera.position.copy(target).addScaledVector(direction.clone().normalize(), far);
     [camera.near, camera.far] = [of.radius / 500, of.radius * 50];
     camera.updateProjectionMatrix();
     controls.update();
     draw();
   };
-  let sized = false;
   const resize = () => {
     const { clientWidth: width, clientHeight: height } = frame;
     if (!width || !height) return;
@@ -73,9 +74,9 @@ export async function scene3d(run, onClosure) {
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    if (!sized) look(SLANTED);
+    const first = !sized;
     sized = true;
-    draw();
+    first ? look(SLANTED) : draw();
   };
   const recolour = () => {
     if (!frame.isConnected && sized) return;
@@ -83,7 +84,7 @@ export async function scene3d(run, onClosure) {
     scene.background = new Color(colour("canvas"));
     scene.traverse((node) => node.userData.colour && node.material.color.set(colour(node.userData.colour)));
     map?.paint(scene.background);
-    sized ? render() : draw(); // at once: before printing there is no later
+    if (sized) render(); // at once: before printing there is no later
   };
   controls.addEventListener("change", draw);
   new ResizeObserver(resize).observe(frame);
@@ -111,10 +112,9 @@ export async function scene3d(run, onClosure) {
     const ends = run.closures[index]?.ends;
     if (ends) groups.chosen.add(segments(ends, "chosen", 5));
     recolour();
-    draw();
   };
   return { node: el("div", {}, controlsBar({ run, groups, map, draw, look }), frame, el("p", { class: "note hands-on" },
-    "Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at a keyframe, closure or link to see what it is; click a closure to see its scans.")), highlight };
+    `Drag to turn, right button or two fingers to move; click the picture, then scroll to zoom. Point at ${run.closures.length ? "a keyframe, closure or link to see what it is; click a closure to see its evidence" : "a keyframe or link to see what it is"}.`)), highlight };
 }
 
 function orbit(camera, canvas) {
@@ -220,6 +220,7 @@ async function mapPoints(run) {
     rgb.needsUpdate = true;
   };
   return {
+    xyz,
     points: new Points(geometry, new PointsMaterial({ size: 1.5, sizeAttenuation: false, vertexColors: true })),
     colours,
     colourBy(name) {
@@ -253,10 +254,25 @@ function segments(ends, colour, linewidth) {
   return lines;
 }
 
-async function addRobot(robot, groups, pickable) {
+// Moves each path to the right of those before it.
+function sideBySide() {
+  let edge = 0;
+  return (xyz) => {
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (let i = 0; i < xyz.length; i++) if (i % 3 < 2) [low[i % 3], high[i % 3]] = [Math.min(low[i % 3], xyz[i]), Math.max(high[i % 3], xyz[i])];
+    for (let i = 0; i < xyz.length; i += 3) {
+      xyz[i] += edge - low[0];
+      xyz[i + 1] -= (low[1] + high[1]) / 2;
+    }
+    edge += 1.15 * (high[0] - low[0]) + 2;
+  };
+}
+
+async function addRobot(robot, groups, pickable, apart) {
   const number = groups.paths.children.length;
   const [merged, odometry, keyframes, times, truth] = await Promise.all(
     [robot.merged, robot.odometry, robot.keyframes, robot.keyframe_times, robot.truth].map(decode));
+  apart(odometry);
   groups.paths.add(path(merged, robot.colour, 3, number));
   groups.before.add(path(odometry, robot.colour, 3, number));
   const dots = new Points(positions(keyframes), new PointsMaterial({ size: 6, sizeAttenuation: false, color: robot.colour }));
@@ -302,10 +318,35 @@ async function addRadio(run, groups, pickable) {
   }
 }
 
-function boundsOf(map, pickable, layer) {
-  const points = [];
-  for (const { group, xyz } of pickable) if (group === layer) for (let i = 0; i < xyz.length; i += 3) points.push(new Vector3(xyz[i], xyz[i + 1], xyz[i + 2]));
-  const sphere = points.length ? new Sphere().setFromPoints(points) : new Sphere(new Vector3(), 1);
-  sphere.radius = Math.max(sphere.radius, 5);
-  return sphere;
+// What a picture is to hold: all points of a layer, and of the map all but stragglers.
+function extentOf(pickable, layer, mapXyz) {
+  const own = pickable.filter(({ group }) => group === layer).flatMap(({ xyz }) => vectors(xyz, 1));
+  const points = own.concat(mapXyz ? withoutStragglers(vectors(mapXyz, Math.ceil(mapXyz.length / 15000))) : []);
+  const box = new Box3().setFromPoints(points.length ? points : [new Vector3()]);
+  return { points, center: box.getCenter(new Vector3()), radius: Math.max(5, box.getSize(new Vector3()).length() / 2) };
+}
+
+const vectors = (xyz, every) => Array.from({ length: Math.floor(xyz.length / 3 / every) }, (_, i) => new Vector3().fromArray(xyz, 3 * every * i));
+
+function withoutStragglers(points) {
+  const at = (axis) => points.map((point) => point[axis]).sort((a, b) => a - b);
+  const between = ["x", "y", "z"].map((axis) => [axis, ...[0.02, 0.98].map((q) => at(axis)[Math.floor(q * (points.length - 1))])]);
+  return points.filter((point) => between.every(([axis, low, high]) => point[axis] >= low && point[axis] <= high));
+}
+
+// Where to look, and from how far, so that all fills the picture: it is moved to the middle, which changes how far.
+function framed({ points, center, radius }, direction, camera) {
+  const toward = direction.clone().normalize(), right = new Vector3().crossVectors(camera.up, toward).normalize(), up = new Vector3().crossVectors(toward, right);
+  const tangent = Math.tan((camera.fov * Math.PI) / 360), target = center.clone();
+  let far = 0;
+  for (let step = 0; step < 3; step++) {
+    const seen = points.map((point) => point.clone().sub(target)).map((from) => [from.dot(right), from.dot(up), from.dot(toward)]);
+    far = seen.reduce((most, [u, v, w]) => Math.max(most, w + Math.max(Math.abs(u) / camera.aspect, Math.abs(v)) / tangent), radius / 5);
+    const middle = [0, 1].map((axis) => {
+      const angles = seen.map((of) => of[axis] / Math.max(far - of[2], far / 100));
+      return (far * (angles.reduce((a, b) => Math.max(a, b), -Infinity) + angles.reduce((a, b) => Math.min(a, b), Infinity))) / 2;
+    });
+    if (step < 2 && points.length) target.addScaledVector(right, middle[0]).addScaledVector(up, middle[1]);
+  }
+  return { target, far: 1.06 * far };
 }
