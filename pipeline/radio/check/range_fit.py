@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from wiclosure.types import FloatArray
 
 _YAWS = 24
-_REFINED = 3
+_REFINED = 5
 FEWEST = 12
 """Ranges that a fit of five numbers needs to say anything."""
 
@@ -61,6 +61,7 @@ def fit_ranges(a: FloatArray, b: FloatArray, ranges: FloatArray, scale: float | 
     near_a, near_b = a - centre_a, b - centre_b
     starts = sorted((_linear(near_a, near_b, ranges, yaw, scale) for yaw in _yaws()), key=lambda start: start[0])
     fits = [_refined(near_a, near_b, ranges, start, scale) for _, start in starts[:_REFINED]]
+    fits += [_refined(near_a, near_b, ranges, _raised(fit, scale), scale) for fit in fits]
     best = min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
     translation = best.translation + centre_a - _turned(centre_b[None], best.yaw)[0]
     return replace(best, translation=translation)
@@ -79,6 +80,13 @@ def _yaws() -> FloatArray:
 def _turned(points: FloatArray, yaw: float) -> FloatArray:
     c, s = np.cos(yaw), np.sin(yaw)
     return np.asarray(points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+
+
+def _raised(fit: RangeFit, scale: float | None) -> FloatArray:
+    """A start above a fit, by the height that explains its residuals: on level ground no descent leaves the level."""
+    height = np.sqrt(2 * fit.typical_m * fit.rms_m)
+    x, y, z = fit.translation
+    return np.array([fit.yaw, x, y, z + height, np.log(fit.scale)])
 
 
 def _linear(
