@@ -10,9 +10,9 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.formats.epochs import other_epoch
-from wiclosure.formats.kitti_poses import KittiPoses, read_kitti_poses
 from wiclosure.formats.plausible import require_rotation
-from wiclosure.formats.trajectory_file import trajectory_kind
+from wiclosure.formats.trajectories.kitti_poses import KittiPoses, read_kitti_poses
+from wiclosure.formats.trajectories.trajectory_file import trajectory_kind
 from wiclosure.pipeline.data.odometry_reader import read_poses
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind

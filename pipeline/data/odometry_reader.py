@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.trajectory_file import read_trajectory
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag

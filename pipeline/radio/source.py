@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from wiclosure.formats.name_pattern import NamePattern
-from wiclosure.formats.radio_units import AngleUnit, AzimuthZero, ElevationZero, LengthUnit, TimeUnit
+from wiclosure.formats.radio.radio_units import AngleUnit, AzimuthZero, ElevationZero, LengthUnit, TimeUnit
 from wiclosure.settings import Settings
 from wiclosure.types import AoaFrame
 
