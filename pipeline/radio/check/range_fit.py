@@ -6,6 +6,7 @@ With yaw known, squared ranges are linear in the translation, its square and the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.optimize import least_squares
 from wiclosure.types import FloatArray
 
 _YAWS = 24
-_REFINED = 3
+_REFINED = 5
 FEWEST = 12
 """Ranges that a fit of five numbers needs to say anything."""
 
@@ -61,7 +62,8 @@ def fit_ranges(a: FloatArray, b: FloatArray, ranges: FloatArray, scale: float | 
     near_a, near_b = a - centre_a, b - centre_b
     starts = sorted((_linear(near_a, near_b, ranges, yaw, scale) for yaw in _yaws()), key=lambda start: start[0])
     fits = [_refined(near_a, near_b, ranges, start, scale) for _, start in starts[:_REFINED]]
-    best = min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
+    level = _best(fits)
+    best = _best([level, *(_refined(near_a, near_b, ranges, start, scale) for start in _off_level(level))])
     translation = best.translation + centre_a - _turned(centre_b[None], best.yaw)[0]
     return replace(best, translation=translation)
 
@@ -70,6 +72,22 @@ def refit(a: FloatArray, b: FloatArray, ranges: FloatArray, near: RangeFit) -> R
     """A fit in metres that starts at one of nearly the same data: quick, to follow it while a clock is moved."""
     start = np.concatenate([[near.yaw], near.translation, [0.0]])
     return _refined(a, b, ranges, start, 1.0)
+
+
+def _best(fits: Sequence[RangeFit]) -> RangeFit:
+    return min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
+
+
+def _off_level(fit: RangeFit) -> list[FloatArray]:
+    """Starts above and below a fit, by a height that would explain its residuals: `sqrt(r^2 + h^2) - r = h^2 / 2 r`.
+
+    Paths on flat ground are level in height where the two floors are one: a descent that comes there stays.
+    """
+    height_m = float(np.sqrt(2 * fit.typical_m * fit.rms_m))
+    if abs(float(fit.translation[2])) > height_m:
+        return []
+    x, y, z = fit.translation.tolist()
+    return [np.array([fit.yaw, x, y, z + lift_m, np.log(fit.scale)]) for lift_m in (height_m, -height_m)]
 
 
 def _yaws() -> FloatArray:
