@@ -19,6 +19,7 @@ FARTHEST_M = 1e6
 """Of a range, in millimetres too: no radio of robots reaches further."""
 _LONGEST_ARM_M = 100.0  # from a robot's body to its antenna
 _SMALLEST_SIGMA, _LARGEST_SIGMA_M = 1e-6, 1e6
+_LARGEST_SIGMA_RAD = 1e3  # of an angle: beyond a few turns it says nothing anyway
 _HEAVIEST, _MOST_TURNS = 1e9, 1000
 TURN_RAD = 2 * math.pi + 1e-6
 """Angles beyond a turn are no radians, or count turns."""
@@ -57,7 +58,7 @@ class AoaPath:
             raise InputError(f"path sigma is {self.sigma}; it must be > 0 (radians)")
         if self.weight < 0:
             raise InputError(f"path weight is {self.weight}; it must be >= 0")
-        _require_within("path sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
+        _require_within("path sigma", self.sigma, _SMALLEST_SIGMA, _LARGEST_SIGMA_RAD, "radians")
         _require_within("path weight", self.weight, 0.0, _HEAVIEST, "a share")
         if self.elevation is not None:
             _require_finite("path elevation", self.elevation)
@@ -162,7 +163,7 @@ class Heading:
         _require_finite("heading sigma", self.sigma)
         if self.sigma <= 0:
             raise InputError(f"heading sigma is {self.sigma}; it must be a number > 0 (radians)")
-        _require_within("heading sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
+        _require_within("heading sigma", self.sigma, _SMALLEST_SIGMA, _LARGEST_SIGMA_RAD, "radians")
         _require_within("heading", abs(self.heading), 0.0, _MOST_TURNS * TURN_RAD, "radians")
 
     def __repr__(self) -> str:
