@@ -6,6 +6,7 @@ Those modules import nothing heavy, so that `wiclosure --help` is quick; their f
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 from types import FrameType
@@ -29,12 +30,15 @@ from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 app = typer.Typer(
     name="wiclosure",
     help="Multi-robot LiDAR SLAM that asks the radio where the robots' paths meet.\n\n"
-    "Start with [bold]wiclosure demo[/bold]: it needs no data.",
+    "Start with wiclosure demo: it needs no data.",
     epilog="Exit codes: 0 done, 1 refused or failed (one line on standard error says why), 130 interrupted."
     " With NO_COLOR set nothing is coloured; piped, a run says a line for each stage.",
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+
+NARROW = 80
+"""Columns; in fewer, Typer's tables would cut the names of options."""
 
 INTERRUPTED = 130
 """What Typer makes of Ctrl-C, as shells do: 128 and the signal's number."""
@@ -94,10 +98,7 @@ def main() -> None:
     """Entry point: known errors become one line and exit code 1."""
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
-    if os.environ.get("NO_COLOR"):
-        from typer import rich_utils
-
-        rich_utils.COLOR_SYSTEM = None  # without colours it would still write bold
+    _suit_terminal()
     # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _Interruption.listen()
@@ -121,6 +122,16 @@ def main() -> None:
     if code == INTERRUPTED:
         typer.echo("interrupted: nothing is written; finished odometry is kept, unless with --no-cache", err=True)
     sys.exit(code)
+
+
+def _suit_terminal() -> None:
+    """Help without colours, or without tables, where the terminal asks for it."""
+    if os.environ.get("NO_COLOR"):
+        from typer import rich_utils
+
+        rich_utils.COLOR_SYSTEM = None  # without colours it would still write bold
+    if shutil.get_terminal_size().columns < NARROW:
+        app.rich_markup_mode = radio_commands.radio_app.rich_markup_mode = None
 
 
 def _fail(message: str) -> NoReturn:

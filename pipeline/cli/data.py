@@ -92,7 +92,8 @@ def init(
         scratch.write_text(text, encoding="utf-8")
     typer.echo(text, nl=False)
     guesses = sum(GUESS in line for line in text.splitlines()[1:])
-    marked = f"{guesses} lines are guesses: look at them" if guesses else "nothing in it is guessed"
+    guessed = "1 line is a guess: look at it" if guesses == 1 else f"{guesses} lines are guesses: look at them"
+    marked = guessed if guesses else "nothing in it is guessed"
     if waiting := sum(": NAME" in line and "# -" in line for line in text.splitlines()):
         marked += f"; {waiting} radio logs are left out until you name the robots of their ids"
     typer.echo(f"written to {target}; {marked}. Merge it with: wiclosure run {folder}")

@@ -66,7 +66,7 @@ Set = Annotated[
 ]
 WIRELESS_HELP = (
     "radio log: a file or bag, with settings behind commas where it needs some"
-    " (uwb.csv,unit=mm,robots.7=alpha), or a YAML file of them"
+    " (uwb.csv,unit=mm), or a YAML file of them"
 )
 Wireless = Annotated[
     list[str] | None, typer.Option("--wireless", "-w", metavar="LOG", help=WIRELESS_HELP, show_default=False)

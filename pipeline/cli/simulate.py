@@ -62,7 +62,7 @@ class ScenarioOptions:
         Path | None,
         typer.Option(
             "--schedule",
-            help="CSV of the times at which robots can communicate: start_s,end_s[,robot_a,robot_b]",
+            help="CSV of the times at which robots can communicate: start_s,end_s and, if wanted, robot_a,robot_b",
             show_default=False,
         ),
     ] = None

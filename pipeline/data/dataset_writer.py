@@ -145,21 +145,25 @@ def _messages(
     store = typestore(encoding)
     log = wireless or WirelessLog()
     clouds = (
-        (_fits(scan.stamp_ns), topic, serialize(store, encoding, encode_scan(scan, store), POINT_CLOUD_TYPE))
+        (ros_stamp_ns(scan.stamp_ns), topic, serialize(store, encoding, encode_scan(scan, store), POINT_CLOUD_TYPE))
         for scan in scans
     )
     measurements = (
-        (_fits(m.stamp_ns), WIRELESS_TOPIC, serialize(store, encoding, encode_measurement(m, store), MEASUREMENT_TYPE))
+        (
+            ros_stamp_ns(m.stamp_ns),
+            WIRELESS_TOPIC,
+            serialize(store, encoding, encode_measurement(m, store), MEASUREMENT_TYPE),
+        )
         for m in log.measurements
     )
     headings = (
-        (_fits(h.stamp_ns), HEADING_TOPIC, serialize(store, encoding, encode_heading(h, store), HEADING_TYPE))
+        (ros_stamp_ns(h.stamp_ns), HEADING_TOPIC, serialize(store, encoding, encode_heading(h, store), HEADING_TYPE))
         for h in log.headings
     )
     return heapq.merge(clouds, measurements, headings, key=lambda message: message[0])
 
 
-def _fits(stamp_ns: int) -> int:
+def ros_stamp_ns(stamp_ns: int) -> int:
     """The stamp, where ROS can express it."""
     if not 0 <= stamp_ns < _LATEST_ROS_NS:
         raise OutputError(f"stamp {stamp_ns * 1e-9:.9f} s does not fit a ROS time; shift the recording to 1970-2038")

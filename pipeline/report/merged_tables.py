@@ -6,6 +6,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from wiclosure.display import significant
 from wiclosure.pipeline.stages.merged_folder import LabelScores, MergedSummary
 
 MANY_ROWS = 40
@@ -30,7 +31,7 @@ def merged_tables(found: MergedSummary) -> list[Table]:
     table = Table("closure", "reason", "m off", "degrees off", title="rejected closures")
     for row in rejected[:MANY_ROWS]:
         metres, radians = row["residual_m"], row["residual_rad"]
-        off = ("-", "-") if metres is None else (f"{metres:.2f}", f"{np.degrees(radians):.1f}")
+        off = ("-", "-") if metres is None else (significant(metres), significant(float(np.degrees(radians))))
         table.add_row(f"{escape(row['first'])} - {escape(row['second'])}", escape(row["reason"]), *off)
     if len(rejected) > MANY_ROWS:
         table.caption = f"and {len(rejected) - MANY_ROWS} more in closures.csv"

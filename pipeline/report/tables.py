@@ -116,13 +116,16 @@ def _add_errors(table: Table, metrics: TrajectoryMetrics) -> None:
         together = _metres(metrics["ate_m"][robot])
         table.add_row(escape(f"  {robot}"), f"{together} with the team, {_metres(own)} aligned on its own")
     for robot, relative in metrics["rpe"].items():
-        if relative["translation_percent"] is not None:
-            over = f"{relative['translation_percent']:.2f} % and {relative['rotation_deg']:.2f}°"
+        percent, turned_deg = relative["translation_percent"], relative["rotation_deg"]
+        if percent is not None and turned_deg is not None:
+            over = f"{significant(percent)} % and {significant(turned_deg)}°"
             table.add_row(escape(f"  {robot} drift"), f"{over} over {relative['distance_m']:g} m")
     for pair, alignment in metrics["alignment"].items():
         metres, degrees = alignment["translation_error_m"], alignment["rotation_error_deg"]
         if metres is not None and degrees is not None:
-            table.add_row(escape(f"  {pair}"), f"{significant(metres)} m and {degrees:.2f}° off relative to each other")
+            table.add_row(
+                escape(f"  {pair}"), f"{significant(metres)} m and {significant(degrees)}° off relative to each other"
+            )
 
 
 def _add_remarks(table: Table, sentences: Sequence[str]) -> None:
@@ -137,8 +140,8 @@ def _radio(found: RadioMetrics) -> str:
     said = "alignment certain" if found["certain"] else "alignment not certain, so it prunes nothing"
     if found["yaw_sigma_deg"] is not None:
         said += (
-            f"; sigma {found['yaw_sigma_deg']:.1f}° in yaw, {_metres(found['horizontal_sigma_m'])} on the ground,"
-            f" {_metres(found['height_sigma_m'])} in height"
+            f"; sigma {significant(found['yaw_sigma_deg'])}° in yaw,"
+            f" {_metres(found['horizontal_sigma_m'])} on the ground, {_metres(found['height_sigma_m'])} in height"
         )
     if found["links_used"] is not None:
         said += f"; {found['links_used']} links used"

@@ -12,7 +12,7 @@ import os
 import pickle
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -74,11 +74,21 @@ class Cluster:
     def __init__(self, client: Client, address: str) -> None:
         self._client, self._address = client, address
         self.costs = WorkCosts()
+        self._mailboxes: list[SimpleQueue[Any]] = []
+        client.subscribe_topic(_OF_WORKERS, self._of_workers)
 
     @property
     def count(self) -> int:
-        """Threads of all workers that are there now."""
-        return max(1, int(sum(self._client.nthreads().values())))
+        """Threads of all workers that are there now.
+
+        Raises:
+            ProcessError: the scheduler is gone.
+        """
+        self._require_scheduler()
+        try:
+            return max(1, int(sum(self._client.nthreads().values())))
+        except OSError:  # it went before the client noticed
+            raise self._lost() from None
 
     def process_ids(self) -> dict[str, int]:
         """Of each worker, on its machine."""
@@ -93,30 +103,50 @@ class Cluster:
         told: Callable[..., None] | None = None,
     ) -> Generator[tuple[int, _Result], None, None]:
         """See `wiclosure.workers.Workers`; a task whose worker dies is done by another one."""
-        topic, mailbox = f"wiclosure-{uuid4().hex}", SimpleQueue[Any]()
-        self._client.subscribe_topic(topic, lambda event: mailbox.put(event[1]))
-        self._client.subscribe_topic(_OF_WORKERS, lambda event: mailbox.put(["worker", event[1]]))
         running: dict[Future, int] = {}
-        left = iter(enumerate(items))
-        try:
+        left, workers = iter(enumerate(items)), self.count
+        with self._mailbox() as (topic, mailbox), self._cancelled_in_the_end(running):
             while True:
-                while len(running) < 3 * self.count and (following := next(left, None)) is not None:
+                self._require_scheduler()
+                while len(running) < 3 * workers and (following := next(left, None)) is not None:
                     running[self._submitted(work, *following, topic, mailbox)] = following[0]
                 if not running:
                     return
                 message = self._next(mailbox)
                 if isinstance(message, list | tuple):
                     self._heard(message, {future.key for future in running}, told)
+                    workers = self.count if message[0] == "worker" else workers
                 elif message is not None:
                     number = running.pop(message)
                     yield number, self._result(message, named(items[number]))
+
+    @contextmanager
+    def _mailbox(self) -> Iterator[tuple[str, SimpleQueue[Any]]]:
+        """Takes futures that are done, news of one call, and of workers that come and go; and the topic of the news."""
+        topic, mailbox = f"wiclosure-{uuid4().hex}", SimpleQueue[Any]()
+        self._client.subscribe_topic(topic, lambda event: mailbox.put(event[1]))
+        self._mailboxes.append(mailbox)
+        try:
+            yield topic, mailbox
         finally:
-            # Tasks look now and then whether they were cancelled, see `_task`.
-            if running and self._client.status == "running":
-                self._client.cancel(list(running), force=True)
+            self._mailboxes.remove(mailbox)
             if self._client.status == "running":
                 self._client.unsubscribe_topic(topic)
-                self._client.unsubscribe_topic(_OF_WORKERS)
+
+    @contextmanager
+    def _cancelled_in_the_end(self, running: dict[Future, int]) -> Iterator[None]:
+        """Tasks look now and then whether they were cancelled, see `_task`."""
+        try:
+            yield
+        finally:
+            if running and self._client.status == "running":
+                with suppress(OSError):
+                    self._client.cancel(list(running), force=True)
+
+    def _of_workers(self, event: tuple[float, Mapping[str, Any]]) -> None:
+        if event[1].get("action") in {"add-worker", "remove-worker"}:
+            for mailbox in list(self._mailboxes):
+                mailbox.put(["worker", event[1]])
 
     def _submitted(
         self, work: Callable[[_Item], _Result], number: int, item: _Item, topic: str, mailbox: SimpleQueue[Any]
@@ -129,23 +159,22 @@ class Cluster:
         return future
 
     def _next(self, mailbox: SimpleQueue[Any]) -> Any:
-        """A future that is done, news from a worker, or None after a while.
-
-        Raises:
-            ProcessError: the scheduler is gone.
-        """
+        """A future that is done, news from a worker, or None after a while."""
         try:
             return mailbox.get(timeout=_LISTEN_S)
         except Empty:
-            if self._client.status != "running":
-                raise self._lost() from None
             return None
+
+    def _require_scheduler(self) -> None:
+        """Fails where the client has noticed that the scheduler is gone."""
+        if self._client.status != "running":
+            raise self._lost()
 
     def _heard(self, message: Sequence[Any], running: set[str], told: Callable[..., None] | None) -> None:
         kind, *content = message
         if kind == "begun":
             self.costs.workers.update(content)
-        elif kind == "worker" and content[0].get("action") == "remove-worker":
+        elif kind == "worker" and content[0]["action"] == "remove-worker":
             self.costs.retries += len(running.intersection(content[0].get("processing-tasks", ())))
         elif kind == "news" and told is not None:
             told(*content)

@@ -150,6 +150,7 @@ def error_sets(
     number = {robot: n for n, robot in enumerate(team.nodes)}
     rows = {pair: _rows(team, pair, values, robust_threshold) for pair in known}
     scales = {robot: _Scale.of(team, robot, rows) for robot in team.nodes}
+    scaled = {robot: root.whitened(*scale.nodes_moved(team.first[robot])) for robot, scale in scales.items()}
     pairs_of = {robot: sum(robot in pair for pair in known) for robot in team.nodes}
     sets, pulled = {}, np.zeros((len(root.place), 6))
     shift = np.zeros((len(root.place), 6))
@@ -168,14 +169,11 @@ def error_sets(
         share = np.array([1.0] * len(_OF_PAIR) + [1 / pairs_of[a], 1 / pairs_of[b]])
         found = share * (covariance @ (gradient - value / sigma**2))
         pulled[places] += effects @ found
-        direct = {}
         for robot, column, scale in ((a, 5, of_a), (b, 6, of_b)):
-            moved = np.zeros((len(scale.moved), 6, len(_ALL)))
-            moved[:, 3:, column] = scale.moved * np.sqrt(share[column])
-            direct[number[robot]] = moved
             first = team.first[robot]
-            shift[first : first + len(moved), 3:] += scale.moved * found[column]
-        sets[number[a], number[b]] = ErrorSet.of(places, effects * np.sqrt(share), direct, covariance)
+            shift[first : first + len(scale.moved), 3:] += scale.moved * found[column]
+        both = _added(_added((effects, places), scaled[a], 5), scaled[b], 6)
+        sets[number[a], number[b]] = ErrorSet.of(both[1], both[0] * np.sqrt(share), covariance)
     return sets, shift + root.following(pulled)
 
 
@@ -214,6 +212,21 @@ class _Scale:
                 information += float(by @ by)
                 gradient += float(own.b @ by)
         return cls(moved, np.concatenate(pulls), np.concatenate(nodes), by_scale, information, gradient)
+
+    def nodes_moved(self, first: int) -> tuple[IntArray, FloatArray]:
+        """Numbers `(n,)` of the robot's nodes, and how they move `(n, 6)` in their own axes."""
+        return first + np.arange(len(self.moved)), np.hstack([np.zeros_like(self.moved), self.moved])
+
+
+def _added(
+    effects: tuple[FloatArray, IntArray], further: tuple[FloatArray, IntArray], column: int
+) -> tuple[FloatArray, IntArray]:
+    """Effects `(c, 6, e)` and their places `(c,)`, with others `(c', 6)` added to those of one error."""
+    places = np.union1d(effects[1], further[1])
+    whole = np.zeros((len(places), *effects[0].shape[1:]))
+    whole[np.searchsorted(places, effects[1])] = effects[0]
+    whole[np.searchsorted(places, further[1]), :, column] += further[0]
+    return whole, places
 
 
 def _rows(team: TeamNodes, pair: tuple[str, str], values: gtsam.Values, robust_threshold: float) -> LinkRows:

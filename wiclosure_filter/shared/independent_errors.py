@@ -18,30 +18,27 @@ class ErrorSet:
     """The errors of two robots, as p independent combinations of one standard deviation each.
 
     Args:
-        places: `(c,)` columns of the root's inverse that the pulls at linked poses touch.
-        effects: `(6 c, p)` by how much.
-        direct: by robot, what moves its poses besides, `(n, 6, p)` in their own axes: a scaled odometry.
+        places: `(c,)` columns of the root's inverse by which they move poses.
+        effects: `(c, 6, p)` how much of each.
     """
 
     places: IntArray
     effects: FloatArray
-    direct: Mapping[int, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(
-        cls, places: IntArray, effects: FloatArray, direct: Mapping[int, FloatArray], covariance: FloatArray
-    ) -> ErrorSet:
-        """From effects `(c, 6, e)` and direct ones of e errors with a covariance; tiny combinations are left out."""
-        mixing = np.linalg.cholesky(covariance)
-        mixed = effects.reshape(6 * len(places), len(mixing)) @ mixing
-        moved = {robot: own @ mixing for robot, own in direct.items()}
-        if not moved:
-            left, sizes, _ = np.linalg.svd(mixed, full_matrices=False)
-            mixed = (left * sizes)[:, sizes**2 > LEAST_SHARE]
-        return cls(places, mixed, moved)
+    def of(cls, places: IntArray, effects: FloatArray, covariance: FloatArray) -> ErrorSet:
+        """From effects `(c, 6, e)` of e errors with a covariance; tiny combinations, and tiny parts, are left out."""
+        mixed = effects.reshape(6 * len(places), len(covariance)) @ np.linalg.cholesky(covariance)
+        left, sizes, _ = np.linalg.svd(mixed, full_matrices=False)
+        large = sizes**2 > LEAST_SHARE
+        combined = (left * sizes)[:, large].reshape(len(places), 6, int(large.sum()))
+        size = np.sum(combined**2, axis=(1, 2))
+        order = np.argsort(size)
+        kept = np.sort(order[np.cumsum(size[order]) > LEAST_SHARE])
+        return cls(places[kept], combined[kept])
 
     def __len__(self) -> int:
-        return int(self.effects.shape[1])
+        return int(self.effects.shape[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +61,11 @@ class IndependentErrors:
         counted = {robot: tuple(i for i, pair in enumerate(sets) if pair in pairs) for robot, pairs in near.items()}
         return cls(tuple(sets.values()), counted)
 
-    def at(self, robot: int, poses: IntArray, values: FloatArray, places: IntArray) -> tuple[FloatArray, IntArray]:
+    def at(self, robot: int, values: FloatArray, places: IntArray) -> tuple[FloatArray, IntArray]:
         """What the errors that count for a robot add to its poses `(n, 6, E)`, and their numbers `(E,)`, increasing.
 
         Args:
             robot: the robot.
-            poses: `(n,)` which of its poses, from 0.
             values: `(n, 6, 6 C)` rows of the root's inverse.
             places: `(C,)` of their columns.
         """
@@ -77,12 +73,13 @@ class IndependentErrors:
         begin = np.cumsum([0, *(len(one) for one in self.sets)])
         names = np.concatenate([np.zeros(0, np.int64), *(np.arange(begin[one], begin[one + 1]) for one in sets)])
         moved = np.zeros((len(places), 6, len(names)))
-        direct = np.zeros((len(poses), 6, len(names)))
+        column = 0
         for one in sets:
             own = self.sets[one]
             _, at, of_error = np.intersect1d(places, own.places, assume_unique=True, return_indices=True)
-            columns = slice(*np.searchsorted(names, (begin[one], begin[one + 1])))
-            moved[at, :, columns] = own.effects.reshape(-1, 6, len(own))[of_error]
-            if robot in own.direct:
-                direct[:, :, columns] = own.direct[robot][poses]
-        return values @ moved.reshape(6 * len(places), len(names)) + direct, names
+            moved[at, :, column : column + len(own)] = own.effects[of_error]
+            column += len(own)
+        large = np.sum(moved**2, axis=(0, 1)) > LEAST_SHARE
+        effects = np.zeros((*values.shape[:2], len(names)))
+        effects[:, :, large] = values @ moved[:, :, large].reshape(6 * len(places), -1)
+        return effects, names

@@ -67,7 +67,7 @@ class JointCovariance:
 
     def _rows(self, robot: int, poses: IntArray) -> Rows:
         values, places = self.root.rows(poses)
-        effects, names = self.errors.at(robot, poses - self.first[robot], values, places)
+        effects, names = self.errors.at(robot, values, places)
         turn = np.zeros((len(poses), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
         return Rows(turn @ values, places, turn @ effects, names)

@@ -8,12 +8,15 @@ row has numbers only where its ancestors in the elimination tree stand (Davis, D
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
+
+MOST_BYTES = 1 << 28  # of rows that are kept: what robots share that lie near each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,7 @@ class SquareRoot:
     separator: IntArray
     response: FloatArray
     remainder: FloatArray
+    _known: OrderedDict[int, tuple[IntArray, FloatArray]] = field(default_factory=OrderedDict, repr=False)
 
     @classmethod
     def of(cls, linear: gtsam.GaussianFactorGraph) -> SquareRoot:
@@ -68,16 +72,36 @@ class SquareRoot:
 
     def rows(self, poses: IntArray) -> tuple[FloatArray, IntArray]:
         """Rows `(P, 6, 6 C)` of R^-1, and the places `(C,)` of their columns, increasing."""
-        columns = self._with_ancestors(np.unique(self.place[poses]))
-        rows = np.zeros((len(columns), 6, 6 * len(columns)))
-        for number, place in enumerate(columns):
-            first, end = self.start[place], self.start[place + 1]
-            known = rows[np.searchsorted(columns, self.separator[first:end]), :, : 6 * number]
-            rows[number, :, : 6 * number] = self.response[:, 6 * first : 6 * end] @ known.reshape(
-                6 * (end - first), 6 * number
-            )
-            rows[number, :, 6 * number : 6 * number + 6] = self.remainder[place]
-        return rows[np.searchsorted(columns, self.place[poses])], columns
+        wanted = self.place[poses]
+        columns = self._with_ancestors(np.unique(wanted))
+        for place in columns.tolist():  # ancestors first
+            if place not in self._known:
+                self._known[place] = self._row(place)
+        rows = np.zeros((len(wanted), 6, len(columns), 6))
+        for row, place in zip(rows, wanted.tolist(), strict=True):
+            path, values = self._known[place]
+            row[:, np.searchsorted(columns, path)] = values.reshape(6, len(path), 6)
+        self._forget(columns)
+        return rows.reshape(len(wanted), 6, -1), columns
+
+    def _row(self, place: int) -> tuple[IntArray, FloatArray]:
+        """The way from the root to a place, and its row `(6, 6 A)` of R^-1 on it; those of its ancestors are known."""
+        separator = self.separator[self.start[place] : self.start[place + 1]].tolist()
+        above = self._known[int(self.parent[place])][0] if separator else np.zeros(0, np.int64)
+        known = np.zeros((6 * len(separator), 6 * len(above)))
+        for number, other in enumerate(separator):
+            values = self._known[other][1]
+            known[6 * number : 6 * number + 6, : values.shape[1]] = values
+        followed = self.response[:, 6 * self.start[place] : 6 * self.start[place + 1]] @ known
+        return np.append(above, place), np.hstack([followed, self.remainder[place]])
+
+    def _forget(self, used: IntArray) -> None:
+        """Keeps the rows that were used last, of those used together rather the ancestors, which more poses share."""
+        for place in used[::-1].tolist():
+            self._known.move_to_end(place)
+        kept = sum(values.nbytes for _, values in self._known.values())
+        while kept > MOST_BYTES and len(self._known) > len(used):
+            kept -= self._known.popitem(last=False)[1][1].nbytes
 
     def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
         """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
@@ -89,6 +113,21 @@ class SquareRoot:
             followed = self.response[:, 6 * first : 6 * end].T @ left[number]
             left[np.searchsorted(places, self.separator[first:end])] += followed.reshape(end - first, *pulls.shape[1:])
         return np.swapaxes(self.remainder[places], 1, 2) @ left, places
+
+    def whitened(self, poses: IntArray, moved: FloatArray) -> tuple[FloatArray, IntArray]:
+        """`R d` for movements `d (n, 6)` of n poses, `(C, 6)` where it is not zero, and these places `(C,)`."""
+        own = self.place[poses]
+        row = np.full(len(self.place), -1)
+        row[own] = np.arange(len(own))
+        entries = np.flatnonzero(row[self.separator] >= 0)
+        follower = np.searchsorted(self.start, entries, side="right") - 1
+        places = np.unique(np.concatenate([own, follower]))
+        left = np.zeros((len(places), 6))
+        left[np.searchsorted(places, own)] = moved
+        response = self.response.reshape(6, -1, 6)[:, entries]
+        followed = np.einsum("iej,ej->ei", response, moved[row[self.separator[entries]]])
+        np.subtract.at(left, np.searchsorted(places, follower), followed)
+        return np.linalg.solve(self.remainder[places], left[:, :, None])[:, :, 0], places
 
     def following(self, left: FloatArray) -> FloatArray:
         """`R^-1 y` by pose `(K, 6)`, for `y (K, 6)` by place: how all poses follow what `solved` gives of a pull."""

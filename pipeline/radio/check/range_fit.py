@@ -6,7 +6,6 @@ With yaw known, squared ranges are linear in the translation, its square and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,8 +61,8 @@ def fit_ranges(a: FloatArray, b: FloatArray, ranges: FloatArray, scale: float | 
     near_a, near_b = a - centre_a, b - centre_b
     starts = sorted((_linear(near_a, near_b, ranges, yaw, scale) for yaw in _yaws()), key=lambda start: start[0])
     fits = [_refined(near_a, near_b, ranges, start, scale) for _, start in starts[:_REFINED]]
-    level = _best(fits)
-    best = _best([level, *(_refined(near_a, near_b, ranges, start, scale) for start in _off_level(level))])
+    fits += [_refined(near_a, near_b, ranges, _raised(fit, scale), scale) for fit in fits]
+    best = min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
     translation = best.translation + centre_a - _turned(centre_b[None], best.yaw)[0]
     return replace(best, translation=translation)
 
@@ -74,22 +73,6 @@ def refit(a: FloatArray, b: FloatArray, ranges: FloatArray, near: RangeFit) -> R
     return _refined(a, b, ranges, start, 1.0)
 
 
-def _best(fits: Sequence[RangeFit]) -> RangeFit:
-    return min(fits, key=lambda fit: fit.rms_m / max(fit.scale, 1e-9))
-
-
-def _off_level(fit: RangeFit) -> list[FloatArray]:
-    """Starts above and below a fit, by a height that would explain its residuals: `sqrt(r^2 + h^2) - r = h^2 / 2 r`.
-
-    Paths on flat ground are level in height where the two floors are one: a descent that comes there stays.
-    """
-    height_m = float(np.sqrt(2 * fit.typical_m * fit.rms_m))
-    if abs(float(fit.translation[2])) > height_m:
-        return []
-    x, y, z = fit.translation.tolist()
-    return [np.array([fit.yaw, x, y, z + lift_m, np.log(fit.scale)]) for lift_m in (height_m, -height_m)]
-
-
 def _yaws() -> FloatArray:
     return np.arange(_YAWS) * 2 * np.pi / _YAWS
 
@@ -97,6 +80,13 @@ def _yaws() -> FloatArray:
 def _turned(points: FloatArray, yaw: float) -> FloatArray:
     c, s = np.cos(yaw), np.sin(yaw)
     return np.asarray(points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+
+
+def _raised(fit: RangeFit, scale: float | None) -> FloatArray:
+    """A start above a fit, by the height that explains its residuals: on level ground no descent leaves the level."""
+    height = np.sqrt(2 * fit.typical_m * fit.rms_m)
+    x, y, z = fit.translation
+    return np.array([fit.yaw, x, y, z + height, np.log(fit.scale)])
 
 
 def _linear(

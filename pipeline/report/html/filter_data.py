@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.display import significant
 from wiclosure.pipeline.config import Config, dump_config
 from wiclosure.pipeline.report.html.advice import ambiguities
 from wiclosure.pipeline.report.html.candidates_data import candidate_matrices
@@ -104,11 +105,11 @@ def _verdict(result: FilterResult) -> dict[str, Any]:
 
 
 def _numbers(result: FilterResult, wireless: WirelessLog) -> list[dict[str, str]]:
-    share = f"{100 * result.pairs_kept / result.pairs_total:.2g} %" if result.pairs_total else "none"
+    share = f"{significant(100 * result.pairs_kept / result.pairs_total)} %" if result.pairs_total else "none"
     return [
         {"label": "pairs kept", "value": share, "note": f"{result.pairs_kept:,} of {result.pairs_total:,}"},
         {"label": "measurements", "value": f"{len(wireless.measurements):,}"},
-        {"label": "time", "value": f"{result.seconds:.2g} s"},
+        {"label": "time", "value": f"{significant(result.seconds)} s"},
     ]
 
 

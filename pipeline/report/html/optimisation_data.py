@@ -93,7 +93,7 @@ def _numbers(merged: MergedGraphs) -> list[dict[str, str]]:
         {"label": "robots", "value": f"{len(trajectories)}", "note": f"{poses:,} poses"},
         {"label": "closures accepted", "value": f"{len(merged.graph.accepted):,}", "note": f"of {len(closures):,}"},
         {"label": "sigmas taken", "value": f"{significant(merged.consistent.scale)} times", "note": "as in the files"},
-        {"label": "time", "value": f"{merged.seconds:.2g} s"},
+        {"label": "time", "value": f"{significant(merged.seconds)} s"},
     ]
 
 

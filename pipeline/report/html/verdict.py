@@ -62,12 +62,12 @@ def headline_numbers(metrics: Metrics) -> list[dict[str, Any]]:
         },
         {
             "label": "pairs of keyframes kept",
-            "value": f"{100 * kept / total:.2g} %" if total else None,
+            "value": f"{significant(100 * kept / total)} %" if total else None,
             "note": f"{kept:,} of {total:,}, filter {metrics['filter']}",
         },
         {
             "label": "time in all",
-            "value": None if seconds is None else f"{seconds:,.0f} s" if seconds >= 10 else f"{seconds:.2g} s",
+            "value": None if seconds is None else f"{significant(seconds)} s",
             "note": "from raw scans",
         },
     ]

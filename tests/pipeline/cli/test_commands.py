@@ -139,6 +139,22 @@ def test_no_color_leaves_no_codes_on_a_terminal(words: tuple[str, ...]) -> None:
     assert b"\x1b" not in said
 
 
+@pytest.mark.parametrize("columns", [60, 80, 120])
+@pytest.mark.parametrize("command", ["run", "compare", "filter", "simulate", "radio check"])
+def test_help_cuts_no_word_in_a_terminal_of_any_width(command: str, columns: int) -> None:
+    """Each in a process of its own: how wide a terminal is decides how help is written."""
+    done = subprocess.run(
+        [EXECUTABLE, *command.split(), "--help"],
+        env=os.environ | {"COLUMNS": str(columns)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "\N{HORIZONTAL ELLIPSIS}" not in done.stdout
+    assert "--help" in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= columns + 2
+
+
 def test_help_says_what_exit_codes_mean(wiclosure: Call) -> None:
     said = " ".join(wiclosure("--help")[1].split())
     assert f"0 done, 1 refused or failed (one line on standard error says why), {INTERRUPTED} interrupted" in said

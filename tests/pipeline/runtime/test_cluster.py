@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
+import json
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
 
@@ -18,62 +21,12 @@ from wiclosure.pipeline.runtime.cluster import Cluster, TlsFiles, cluster
 from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.workers import ThisProcess, Workers
 
-# A module of its own: workers import what they work with by name.
-LABOUR = """
-import os, signal, time
-from pathlib import Path
-
-import numpy as np
-
-from wiclosure.errors import InputError
-from wiclosure.workers import require_wanted, tell
-
-def solve(seed):
-    tell("seed", seed)
-    A = np.random.default_rng(seed).normal(size=(30, 30))
-    return np.linalg.solve(A @ A.T + np.eye(30), np.ones(30))
-
-def refuse(item):
-    if item == 3:
-        raise InputError("the third is damaged")
-    return item
-
-def die(item):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-def die_once(folder):
-    if not Path(folder, "died").exists():
-        Path(folder, "died").touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return "done"
-
-def go_on(folder):
-    Path(folder, "begun").touch()
-    while True:
-        try:
-            require_wanted()
-        except InterruptedError:
-            Path(folder, "ended").touch()
-            raise
-        time.sleep(0.01)
-"""
-
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
 
 @pytest.fixture(scope="module")
-def labour(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
-    pytest.importorskip("distributed")
-    folder = tmp_path_factory.mktemp("labour_of_clusters")
-    (folder / "labour_of_clusters.py").write_text(LABOUR)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        patch.setenv("PYTHONPATH", str(folder), prepend=":")
-        yield importlib.import_module("labour_of_clusters")
-
-
-@pytest.fixture(scope="module")
 def dask(labour: ModuleType) -> Iterator[Cluster]:
+    pytest.importorskip("distributed")
     with cluster("local:2") as found:
         yield found
 
@@ -151,38 +104,52 @@ def test_a_task_that_kills_every_worker_is_named(dask: Cluster, labour: ModuleTy
 
 
 @pytest.mark.slow
-def test_a_lost_scheduler_is_one_line(labour: ModuleType, tmp_path: Path) -> None:
-    import subprocess
+@pytest.mark.parametrize("while_waiting", [True, False], ids=["while waiting", "between results"])
+def test_a_lost_scheduler_is_one_line(while_waiting: bool, labour: ModuleType, tmp_path: Path) -> None:
+    with scheduler_and_worker(tmp_path) as (scheduler, address, _):
+        lost = pytest.raises(ProcessError, match=r"the scheduler at .* is gone; finished stages are kept")
+        with lost, cluster(address) as c:
+            if while_waiting:
+                threading.Thread(target=lambda: (_until(tmp_path / "begun"), scheduler.kill()), daemon=True).start()
+                dict(c.each(labour.go_on, [tmp_path]))
+            for number, _ in c.each(labour.solve, range(50)):
+                if number == 10:
+                    scheduler.kill()
+                    scheduler.wait()
 
-    scheduler = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "distributed.cli.dask_scheduler",
-            "--port",
-            "18786",
-            "--host",
-            "127.0.0.1",
-            "--no-dashboard",
-        ],
-        stderr=subprocess.DEVNULL,
-    )
-    address = "tcp://127.0.0.1:18786"
-    worker = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"],
-        stderr=subprocess.DEVNULL,
-    )
+
+@contextmanager
+def scheduler_and_worker(
+    folder: Path, *options: str, protocol: str = "tcp"
+) -> Iterator[tuple[subprocess.Popen[bytes], str, subprocess.Popen[bytes]]]:
+    """As users start them, at a port that is free; the scheduler, its address, and the worker."""
+    pytest.importorskip("distributed")
+    told = folder / "scheduler.json"
+    started = []
+
+    def start(command: str, *arguments: str) -> subprocess.Popen[bytes]:
+        words = [sys.executable, "-m", f"distributed.cli.dask_{command}", "--scheduler-file", str(told), *options]
+        started.append(subprocess.Popen([*words, *arguments, "--no-dashboard"], stderr=subprocess.DEVNULL))
+        return started[-1]
+
     try:
-        with (
-            pytest.raises(ProcessError, match=r"the scheduler at .* is gone; finished stages are kept"),
-            cluster(address) as c,
-        ):
-            threading.Thread(target=lambda: (_until(tmp_path / "begun"), scheduler.kill()), daemon=True).start()
-            dict(c.each(labour.go_on, [tmp_path]))
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--protocol", protocol)
+        _until(told, 60.0)
+        worker = start("worker", "--nthreads", "1", "--host", "127.0.0.1", "--protocol", protocol)
+        yield scheduler, _address(told), worker
     finally:
-        for process in (scheduler, worker):
+        for process in started:
             process.kill()
             process.wait()
+
+
+def _address(told: Path) -> str:
+    """The scheduler's, once all of its file is there."""
+    while True:
+        try:
+            return str(json.loads(told.read_text())["address"])
+        except json.JSONDecodeError:
+            time.sleep(0.02)
 
 
 @pytest.mark.parametrize("address", ["local:0", "local:two"])
@@ -204,6 +171,58 @@ def test_tls_files_are_three_and_there(tmp_path: Path) -> None:
         TlsFiles.of_words("ca.pem")
     with pytest.raises(ConfigError, match=r"ca\.pem is not a file"):
         TlsFiles.of_words(",".join(str(tmp_path / name) for name in ("ca.pem", "cert.pem", "key.pem")))
+
+
+@pytest.mark.slow
+def test_tls_needs_the_files_that_the_scheduler_trusts(labour: ModuleType, tmp_path: Path) -> None:
+    ours, theirs = tls_files(tmp_path / "ours"), tls_files(tmp_path / "theirs")
+    options = ["--tls-ca-file", str(ours.ca), "--tls-cert", str(ours.certificate), "--tls-key", str(ours.key)]
+    with scheduler_and_worker(tmp_path, *options, protocol="tls") as (_, address, _):
+        assert address.startswith("tls://127.0.0.1:")
+        words = ",".join(str(path) for path in (ours.ca, ours.certificate, ours.key))
+        with cluster(address, TlsFiles.of_words(words)) as connected:
+            found = dict(connected.each(labour.solve, range(3)))
+        assert [found[seed].tobytes() for seed in range(3)] == [labour.solve(seed).tobytes() for seed in range(3)]
+        for strangers in (theirs, None):
+            with (
+                pytest.raises(ConfigError, match=r"no scheduler answers at tls://.*; see --cluster and --cluster-tls"),
+                cluster(address, strangers),
+            ):
+                pass
+
+
+def tls_files(folder: Path) -> TlsFiles:
+    """An authority that signs itself, and a certificate for this machine that it signs."""
+    x509 = pytest.importorskip("cryptography.x509")
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    folder.mkdir()
+    of_authority, own = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    authority = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "authority")])
+    machine = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "127.0.0.1")])
+    now = datetime.now(UTC)
+    for name, subject, key, is_authority in (
+        ("ca.pem", authority, of_authority, True),
+        ("cert.pem", machine, own, False),
+    ):
+        signed = (
+            x509.CertificateBuilder()
+            .subject_name(subject)
+            .issuer_name(authority)
+            .public_key(key.public_key())
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(now - timedelta(hours=1))
+            .not_valid_after(now + timedelta(hours=1))
+            .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+            .add_extension(x509.BasicConstraints(ca=is_authority, path_length=None), critical=True)
+            .sign(of_authority, hashes.SHA256())
+        )
+        (folder / name).write_bytes(signed.public_bytes(serialization.Encoding.PEM))
+    (folder / "key.pem").write_bytes(
+        own.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    )
+    return TlsFiles(folder / "ca.pem", folder / "cert.pem", folder / "key.pem")
 
 
 def test_without_dask_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 from types import ModuleType
@@ -17,47 +15,11 @@ from wiclosure.errors import ProcessError
 from wiclosure.pipeline.runtime.processes import Processes, interrupts_ignored
 from wiclosure.workers import require_wanted
 
-# A module of its own: fresh processes import what they work with by name.
-LABOUR = """
-import os, signal, time
-from pathlib import Path
-
-from wiclosure.workers import require_wanted, tell
-
-def double(item):
-    tell("half", item)
-    return 2 * item, os.getpid()
-
-def die(item):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-def go_on(folder):
-    Path(folder, "begun").touch()
-    while True:
-        try:
-            require_wanted()
-        except InterruptedError:
-            Path(folder, "ended").touch()
-            raise
-        time.sleep(0.01)
-"""
-
-
-@pytest.fixture(scope="module")
-def labour(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
-    folder = tmp_path_factory.mktemp("labour")
-    (folder / "labour.py").write_text(LABOUR)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        yield importlib.import_module("labour")
-
 
 def test_results_come_with_their_numbers_from_other_processes(labour: ModuleType) -> None:
-    heard: list[tuple[object, ...]] = []
-    found = dict(Processes(2).each(labour.double, range(6), told=lambda *news: heard.append(news)))
-    assert [found[number][0] for number in range(6)] == [0, 2, 4, 6, 8, 10]
-    assert os.getpid() not in {process for _, process in found.values()}
-    assert sorted(heard) == [("half", item) for item in range(6)]
+    found = dict(Processes(2).each(labour.process_id, range(6)))
+    assert sorted(found) == list(range(6))
+    assert os.getpid() not in found.values()
 
 
 def test_a_process_that_is_killed_is_one_sentence(labour: ModuleType) -> None:

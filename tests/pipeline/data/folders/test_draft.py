@@ -161,7 +161,7 @@ def test_init_never_overwrites_unasked(
     site: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert called(monkeypatch, "init", str(site)) == 0
-    assert "1 lines are guesses" in capsys.readouterr().out
+    assert "1 line is a guess: look at it" in capsys.readouterr().out
     (site / "dataset.yaml").write_text("mine")
     assert called(monkeypatch, "init", str(site)) == 1
     assert "exists already" in capsys.readouterr().err
