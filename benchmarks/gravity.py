@@ -32,7 +32,7 @@ from wiclosure.frontends.inertial.gravity import level_rotation
 from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.keyframes import KeyframeSelector
 from wiclosure.frontends.matching import spread_out
-from wiclosure.frontends.moving_objects import standing_points
+from wiclosure.frontends.moving_objects import standing
 from wiclosure.frontends.recorded_odometry import RecordedOdometry
 from wiclosure.frontends.sweep import within_range
 from wiclosure.simulation.scenario import Scenario
@@ -202,11 +202,8 @@ def moving_objects(arguments: argparse.Namespace) -> None:
         settings = ScenarioSettings.model_validate({"seed": seed, "robots": 1, "traffic": {"cars": 12, "walkers": 12}})
         clouds, poses, moving, voxel_m = labelled_keyframes(make_scenario("city", settings))
         began = time.perf_counter()
-        left = list(standing_points(clouds, poses, voxel_m))
+        stays = np.concatenate(list(standing(clouds, poses, voxel_m)))
         seconds = time.perf_counter() - began
-        stays = np.concatenate(
-            [cKDTree(after).query(before)[0] == 0.0 for before, after in zip(clouds, left, strict=True)]
-        )
         print(
             f"city, seed {seed}: {moving.sum()} of {len(moving)} points of {len(clouds)} keyframes are of cars and"
             f" walkers; {1 - stays[moving].mean():.1%} of them leave, {stays[~moving].mean():.2%} of all others stay;"

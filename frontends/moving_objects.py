@@ -10,7 +10,7 @@ from wiclosure import se3
 from wiclosure.frontends.free_space import FreeSpace
 from wiclosure.types import BoolArray, Float32Array, FloatArray
 
-NEIGHBOURS = (-4, -2, 2, 4)  # keyframes: far enough that a car has left its place, near enough to see it still
+NEIGHBOURS = (-20, -10, -5, 5, 10, 20)  # keyframes: walkers have left their place, near enough to see it still
 FEWEST = 2  # of the neighbours that must have looked through: one alone may be off by its own pose
 
 

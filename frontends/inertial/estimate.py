@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.frontends.inertial import faults
+from wiclosure.frontends.inertial.axes import FEWEST_TO_CHOOSE, MIRROR, best_choice, in_words, rechosen
 from wiclosure.frontends.inertial.gravity import STANDARD_GRAVITY, GravityFit, fit_gravity, up_at_keyframes
 from wiclosure.frontends.inertial.mounting import Mounting, find_mounting
 from wiclosure.frontends.inertial.turning import TurningRates
@@ -19,7 +21,7 @@ FEWEST_WINDOWS = 3
 LEAST_GOOD = 0.5  # of the windows, whose length is that of gravity
 MOST_REPEATED = 0.5  # of the samples
 LOOSEST_RAD = np.radians(10.0)  # directions that are less sure tell nothing that the drift model does not
-OPPOSITE = 0.7  # of the scatter, that the negative must have to be the right sign
+OPPOSITE = 0.7  # of the scatter, that other axes must leave to be the right ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,15 @@ def estimate_up(
         return _refused(problem, sentences)
     lever_m = None if T_body_imu is None else T_body_imu[:3, 3]
     fit = fit_gravity(windows, odometry, R, lever_m)
-    if problem := _no_gravity(fit, fit_gravity(_negative(windows), odometry, R, lever_m)):
+
+    def otherwise(choice: FloatArray, R_body_imu: FloatArray = R) -> GravityFit:
+        return fit_gravity(rechosen(windows, choice), odometry, R_body_imu, lever_m)
+
+    if mounting is not None and len(windows) >= FEWEST_TO_CHOOSE:
+        of_mirror = find_mounting(rates, rechosen(windows, MIRROR)).R_body_imu
+        if otherwise(MIRROR, of_mirror).noise < OPPOSITE * fit.noise:
+            return _refused("its acceleration fits the odometry far better in a mirror; correct its axes", sentences)
+    if problem := _other_axes(fit, otherwise, best_choice(windows, R)) or _no_gravity(fit):
         return _refused(problem, sentences)
     told = [*sentences, *_account(fit, mounting)]
     T_level_odom = se3.from_rotation_translation(fit.R_level_odom, np.zeros(3))
@@ -84,6 +94,8 @@ def _nothing_in(imu: ImuLog, odometry: Trajectory, repeats: BoolArray) -> str:
         return f"it has {len(imu)} samples"
     if repeats.mean() > MOST_REPEATED:
         return "it repeats one value most of the time"
+    if dead := [axis for axis, spread in zip("xyz", np.ptp(imu.acceleration, axis=0), strict=True) if spread == 0]:
+        return f"its acceleration along {' and '.join(dead)} never changes"
     return faults.wrong_unit(imu) or faults.not_at_the_same_time(imu, odometry)
 
 
@@ -119,10 +131,25 @@ def _axes(
     return found.R_body_imu, found, ""
 
 
-def _no_gravity(fit: GravityFit, negative: GravityFit) -> str:
+def _other_axes(fit: GravityFit, otherwise: Callable[[FloatArray], GravityFit], best: FloatArray) -> str:
+    """Whether other axes of the acceleration explain it better, or turn the robot over without need."""
+    if otherwise(best).noise < OPPOSITE * fit.noise:
+        if (best == -np.eye(3)).all():
+            return "its acceleration points down at rest, so its sign is wrong; turn it round"
+        return (
+            f"its acceleration fits the odometry far better with {in_words(best)} for x, y, z; correct its axes, which"
+            f" must be {'those of its turning rates' if np.linalg.det(best) > 0 else 'right-handed'}"
+        )
+    if fit.R_level_odom[2, 2] < 0 and fit.noise > OPPOSITE * otherwise(-np.eye(3)).noise:
+        return (
+            "by it the LiDAR hangs upside down, which the robot's own motion does not confirm; turn its sign round, or"
+            " correct its axes"
+        )
+    return ""
+
+
+def _no_gravity(fit: GravityFit) -> str:
     """Why what was found is not gravity, or nothing."""
-    if negative.noise < OPPOSITE * fit.noise:
-        return "its acceleration points down at rest, so its sign is wrong; turn it round"
     if fit.good.mean() < LEAST_GOOD:
         return (
             f"what is left of its acceleration without the robot's own motion is {fit.length:.2f} m/s^2 long and"
@@ -145,7 +172,3 @@ def _account(fit: GravityFit, mounting: Mounting | None) -> list[str]:
         + (f"; {left_out} are left out, of another length than {STANDARD_GRAVITY} m/s^2" if left_out else "")
     )
     return sentences
-
-
-def _negative(windows: Windows) -> Windows:
-    return replace(windows, force=-windows.force)

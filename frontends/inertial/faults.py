@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from wiclosure.frontends.inertial.axes import left_handed
 from wiclosure.frontends.inertial.gravity import STANDARD_GRAVITY
 from wiclosure.frontends.inertial.turning import CORRELATED, TurningRates, clock_offset_s
-from wiclosure.types import BoolArray, FloatArray, ImuLog, Trajectory
+from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
 STUCK_S = 0.5  # of one and the same sample: noise changes the last digit of every real one
 SATURATED_MPS2 = 1.8 * STANDARD_GRAVITY  # the narrowest range of an accelerometer is 2 g
@@ -17,11 +18,18 @@ BETTER_EXPLAINED = 0.5  # of the variance that stays unexplained, where another 
 
 
 def stuck(imu: ImuLog) -> BoolArray:
-    """Samples `(N,)` in runs of at least half a second that repeat one value."""
-    values = np.concatenate([imu.acceleration, imu.turning_rate], axis=1)
+    """Samples `(N,)` in runs of at least half a second in which the acceleration, or the rate, repeats one value.
+
+    A rate that never changes is none that is stuck, but of an IMU without gyroscope.
+    """
+    rates = _repeats(imu.stamps_ns, imu.turning_rate)
+    return _repeats(imu.stamps_ns, imu.acceleration) | (rates & ~rates.all())
+
+
+def _repeats(stamps_ns: IntArray, values: FloatArray) -> BoolArray:
     begins = np.flatnonzero(np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)]))
-    ends = np.append(begins[1:], len(imu)) - 1
-    long = (imu.stamps_ns[ends] - imu.stamps_ns[begins]) * 1e-9 >= STUCK_S
+    ends = np.append(begins[1:], len(values)) - 1
+    long = (stamps_ns[ends] - stamps_ns[begins]) * 1e-9 >= STUCK_S
     return np.repeat(long, ends - begins + 1)
 
 
@@ -78,6 +86,12 @@ def wrong_rates(imu: ImuLog, odometry: Trajectory, rates: TurningRates) -> str:
             f"its turning rates do not follow the odometry's (correlation {rates.correlation:.2f}); is it of another"
             " body?"
         )
+    return _wrong_axes_or_unit(rates)
+
+
+def _wrong_axes_or_unit(rates: TurningRates) -> str:
+    if left_handed(rates, BETTER_EXPLAINED):
+        return "its turning rates are a mirror of the odometry's: its axes are left-handed; turn one of them round"
     if abs(rates.scale / np.radians(1.0) - 1.0) <= UNIT_SHARE:
         return "its turning rates are in degrees; set imu_units: [m/s^2, deg/s]"
     if abs(rates.scale - 1.0) > UNIT_SHARE:

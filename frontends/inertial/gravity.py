@@ -18,6 +18,7 @@ BIAS_SIGMA = 0.05  # m/s^2 an axis: an ordinary accelerometer after its factory 
 LEVER_SIGMA_M = 0.5  # of an IMU whose place is not told
 KNOWN_LEVER_SIGMA_M = 0.02
 LENGTH_SIGMAS = 4.0  # beyond, a window's length is not that of gravity
+ASIDE_SIGMAS = 8.0  # beyond, it points elsewhere than all others: an accelerometer that stuck, or was pushed
 ROUNDS = 5  # of reweighting
 CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
 MAD_TO_SIGMA = 1.4826
@@ -34,7 +35,7 @@ class GravityFit:
         noise: standard deviation of the vectors' components, m/s^2, as they scatter.
         bias: `(3,)` of the accelerometer in the body's axes, m/s^2.
         bias_covariance: `(3, 3)`.
-        good: `(W,)` whose length is that of gravity.
+        good: `(W,)` whose length is that of gravity, and whose direction is not far from the others'.
     """
 
     windows: Windows
@@ -103,7 +104,8 @@ def fit_gravity(
         noise = system.scatter(shared)
     vectors = system.vectors(shared)
     spread = np.sqrt(noise**2 + GRAVITY_SPREAD**2 + float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
-    good = np.abs(np.linalg.norm(vectors, axis=1) - STANDARD_GRAVITY) <= LENGTH_SIGMAS * spread
+    long = np.abs(np.linalg.norm(vectors, axis=1) - STANDARD_GRAVITY) <= LENGTH_SIGMAS * spread
+    good = long & (np.linalg.norm(vectors - smoothed, axis=1) <= ASIDE_SIGMAS * spread)
     return GravityFit(windows, vectors, smoothed, noise, shared[:3], covariance[:3, :3], good)
 
 

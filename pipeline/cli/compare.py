@@ -64,7 +64,7 @@ def compare_command(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
 
-    viewing.require_possible(overwrite=result.overwrite)
+    viewing.require_possible(overwrite=result.overwrite, several=True)
     plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
     with (
         result_folder(result, data) as (folder, scratch),
@@ -86,7 +86,7 @@ def demo(
     from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
-    viewing.require_possible(overwrite=result.overwrite)
+    viewing.require_possible(overwrite=result.overwrite, several=True)
     working = Working(no_cache=True, quiet=quiet)
     with result_folder(result) as (folder, scratch), viewing.viewers(folder, scratch, quiet=quiet) as viewers:
         scenario = make_scenario("demo-site", ScenarioSettings(seed=seed))

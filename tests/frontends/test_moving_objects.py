@@ -26,11 +26,11 @@ def car(rng, at):
 def drive():
     """Clouds and poses of a robot that creeps while a car passes, and which points are the car's."""
     rng = np.random.default_rng(0)
-    poses = se3.from_yaw(np.linspace(0, 0.3, 12), np.column_stack([np.linspace(-1, 1, 12), np.zeros(12), np.zeros(12)]))
+    poses = se3.from_yaw(np.linspace(0, 0.3, 30), np.column_stack([np.linspace(-1, 1, 30), np.zeros(30), np.zeros(30)]))
     clouds, is_car = [], []
     for k, pose in enumerate(poses):
-        yard, passing = walls(rng), car(rng, [-11 + 2.0 * k, 7.0, 0.0])
-        hidden = np.abs(np.arctan2(yard[:, 1], yard[:, 0]) - np.arctan2(7.0, -11 + 2.0 * k)) < 0.25
+        yard, passing = walls(rng), car(rng, [-11 + 0.8 * k, 7.0, 0.0])
+        hidden = np.abs(np.arctan2(yard[:, 1], yard[:, 0]) - np.arctan2(7.0, -11 + 0.8 * k)) < 0.25
         world = np.concatenate([yard[~hidden], passing])
         clouds.append(se3.transform(se3.inverse(pose), world).astype(np.float32))
         is_car.append(np.arange(len(world)) >= (~hidden).sum())

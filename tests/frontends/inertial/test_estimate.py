@@ -25,6 +25,8 @@ def linear(imu, truth):
     return changed(imu, imu.acceleration - 9.81 * R[:, 2])
 
 
+MIRROR = np.array([1, -1, 1])
+
 FAULTS = {
     "g": (lambda imu, truth: changed(imu, imu.acceleration / 9.81), "in g"),
     "degrees": (lambda imu, truth: changed(imu, rate=np.degrees(imu.turning_rate)), "in degrees"),
@@ -33,6 +35,11 @@ FAULTS = {
     "hour": (lambda imu, truth: changed(imu, stamps_ns=imu.stamps_ns + 3600 * 10**9), "never overlap"),
     "linear": (linear, "gravity was taken out"),
     "stuck": (lambda imu, truth: changed(imu, 0 * imu.acceleration + [0, 0, 9.8], 0 * imu.turning_rate), "repeats"),
+    "mirror": (lambda imu, truth: changed(imu, imu.acceleration * MIRROR, imu.turning_rate * MIRROR), "left-handed"),
+    "exchanged": (lambda imu, truth: changed(imu, imu.acceleration[:, [1, 0, 2]]), r"\+y, \+x, \+z .* right-handed"),
+    "turned": (lambda imu, truth: changed(imu, imu.acceleration[:, [1, 0, 2]] * MIRROR), r"of its turning rates"),
+    "upside down": (lambda imu, truth: changed(imu, imu.acceleration * [1, -1, -1]), r"\+x, -y, -z"),
+    "dead": (lambda imu, truth: changed(imu, imu.acceleration * [1, 0, 1]), "along y never changes"),
     "short": (lambda imu, truth: imu.subset(np.arange(500)), "too few|are needed"),
     "empty": (lambda imu, truth: imu.subset(np.arange(1)), "1 samples"),
     "other": (lambda imu, truth: changed(imu, rate=np.roll(imu.turning_rate, len(imu) // 3, axis=0)), "do not follow"),
@@ -69,6 +76,22 @@ def test_parts_that_are_wrong_are_left_out_and_the_rest_is_used(imu, odometry, k
     assert result.up is not None
     assert "300 of" in result.sentences[0]
     assert np.degrees(np.sqrt(np.mean(result.up.angles_off(truth.poses[::8, :3, :3]) ** 2))) < 0.4
+
+
+@pytest.mark.parametrize("part", ["stuck", "pushed"])
+def test_an_accelerometer_that_fails_for_a_while_is_left_out_for_that_while(part, imu, odometry, keyframes, truth):
+    acceleration, while_it = imu.acceleration.copy(), slice(int(0.4 * len(imu)), int(0.6 * len(imu)))
+    acceleration[while_it] = acceleration[while_it.start] if part == "stuck" else acceleration[while_it] + [3, 0, 0]
+    result = estimate_up(changed(imu, acceleration), odometry, keyframes, np.eye(4))
+    assert result.up is not None
+    assert "left out" in " ".join(result.sentences)
+    assert np.degrees(np.sqrt(np.mean(result.up.angles_off(truth.poses[::8, :3, :3]) ** 2))) < 0.6
+
+
+@pytest.mark.parametrize("wrong", [-1.0, [1, -1, -1], [-1, 1, 1]])
+def test_a_wrong_sign_is_not_explained_away_by_a_mounting(wrong, imu, odometry, keyframes):
+    for spoilt in (changed(imu, imu.acceleration * wrong), changed(imu, rate=imu.turning_rate * wrong)):
+        assert estimate_up(spoilt, odometry, keyframes).up is None
 
 
 def test_a_mounting_that_is_not_told_is_found_and_said(turned_imu, odometry, keyframes, truth):
