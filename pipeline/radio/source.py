@@ -62,8 +62,8 @@ class RadioSource(Settings):
     )
     stamp_unit: TimeUnit = Field(
         "auto",
-        description="s, ms, us, ns, 100us, 10us, 100ns since 1970, filetime (100 ns since 1601), dotnet (100 ns since the"
-        " year 1); auto: by their size, else s; ISO 8601 dates",
+        description="s, ms, us, ns, 100us, 10us, 100ns since 1970, filetime (100 ns since 1601), dotnet (100 ns since"
+        " the year 1); auto: by their size, else s; ISO 8601 dates",
     )
     time_offset: float = Field(
         0.0, description="seconds that are added to the log's stamps, before those of the robots"
