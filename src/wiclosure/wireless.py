@@ -19,7 +19,7 @@ FARTHEST_M = 1e6
 """Of a range, in millimetres too: no radio of robots reaches further."""
 _LONGEST_ARM_M = 100.0  # from a robot's body to its antenna
 _SMALLEST_SIGMA, _LARGEST_SIGMA_M = 1e-6, 1e6
-_LARGEST_SIGMA_RAD = 1e3  # of an angle: beyond a few turns it says nothing anyway
+_LARGEST_SIGMA_RAD = 1e6  # of an angle: beyond a few turns it says nothing anyway
 _HEAVIEST, _MOST_TURNS = 1e9, 1000
 TURN_RAD = 2 * math.pi + 1e-6
 """Angles beyond a turn are no radians, or count turns."""
