@@ -13,7 +13,7 @@ from wiclosure.types import FloatArray
 
 SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
-SPANNED_LESS = 0.005  # share of the sets of closures at any places that span less than `least_span`
+SPANNED_LESS = 0.01  # share of the sets of closures at any places that span less than `least_span`
 
 
 def least_span(closures: int) -> float:

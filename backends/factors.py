@@ -123,6 +123,16 @@ def prior(key: int, T: FloatArray, covariance: FloatArray) -> gtsam.PriorFactorP
     return gtsam.PriorFactorPose3(key, gtsam.Pose3(T), _noise(covariance))
 
 
+def values_of(poses: Mapping[str, FloatArray], nodes: Mapping[str, NDArray[np.int64]] | None = None) -> gtsam.Values:
+    """GTSAM's form of all poses, or only of those at the indices `nodes`."""
+    keys, values = Keys(tuple(poses)), gtsam.Values()
+    for robot, stack in poses.items():
+        used = np.arange(len(stack)) if nodes is None else nodes[robot]
+        for key, pose in zip(keys.all(robot, used), stack[used], strict=True):
+            values.insert(key, gtsam.Pose3(pose))
+    return values
+
+
 def with_factors(
     graph: gtsam.NonlinearFactorGraph, factors: Sequence[gtsam.NonlinearFactor]
 ) -> gtsam.NonlinearFactorGraph:
@@ -161,15 +171,18 @@ def inliers_among(
     known: gtsam.NonlinearFactorGraph,
     initial: gtsam.Values,
     settings: PoseGraphSettings,
+    degrees: int = 6,
 ) -> tuple[BoolArray, gtsam.Values]:
     """Which of the outlier candidates `(N,)` are inliers, given the known ones, and the estimate with them.
+
+    Their residuals have so many degrees of freedom.
 
     Raises:
         RuntimeError: the system is indeterminate or has no finite solution.
     """
     if not candidates:
         return np.zeros(0, bool), least_squares(known, initial)
-    limit = settings.inlier_limit(len(candidates))
+    limit = settings.inlier_limit(len(candidates), degrees)
     if settings.robust == "gnc":
         return _by_graduated_non_convexity(known, candidates, initial, limit)
     if settings.robust == "cauchy":

@@ -15,6 +15,7 @@ from wiclosure.backends.merging import MergedGroups
 from wiclosure.backends.pcm import PcmResult, pairwise_consistent
 from wiclosure.backends.settling import outlier_limit
 from wiclosure.backends.team_arrays import TeamArrays
+from wiclosure.backends.variance_components import restated
 from wiclosure.types import BoolArray, Closure, FloatArray, IntArray, Trajectory
 
 GROWTH = 0.025  # of the number of closures, after which all are decided on again: the work is that of a few decisions
@@ -87,7 +88,7 @@ class IncrementalConsistency:
         apart = se3.adjoint(se3.inverse(T_b)) @ (wander_b - wander_a)
         spread = apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
         odometry = since_b + se3.rotate_covariance(se3.adjoint(se3.inverse(predicted)), since_a)
-        covariance = spread + merged.scale**2 * (odometry + closure_set.covariance)
+        covariance = spread + restated(odometry + closure_set.covariance, merged.factors)
         distance = mahalanobis_squared(se3.log(se3.between(closure_set.T_a_b, predicted)), covariance)
         return np.asarray(
             distance <= outlier_limit(len(self._closures), self.settings.probability, team.robots.degrees)

@@ -20,9 +20,11 @@ from wiclosure.backends.merge_settings import MergeSettings
 from wiclosure.backends.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
 from wiclosure.backends.robots import Robots
 from wiclosure.backends.settling import Settled, graduated, outlier_limit, settle
-from wiclosure.types import BoolArray, IntArray
+from wiclosure.backends.variance_components import VarianceComponents, separate_factors
+from wiclosure.types import BoolArray, FloatArray, IntArray
 
 REFINEMENTS = 4  # of the scale of sigma
+SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
 
 
@@ -36,7 +38,7 @@ class MergedGroups:
         reason: by closure, where it is rejected.
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
-        scale: factor on all standard deviations.
+        factors: `(2,)` on the standard deviations of rotation and of translation.
     """
 
     inlier: BoolArray
@@ -44,15 +46,37 @@ class MergedGroups:
     reason: dict[int, str]
     candidates: list[CandidateSet]
     settled: Settled
-    scale: float
+    factors: FloatArray
+
+    @property
+    def scale(self) -> float:
+        """One factor: the larger."""
+        return float(self.factors.max())
 
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
-    own = robots.own
-    everything = settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
+    everything = _everything(robots)
     if settings.most_scale <= 1:
         return _merged(robots, settings, everything, 1.0)
+    merged = _under_one_factor(robots, settings, everything)
+    for _ in range(SEPARATIONS):
+        factors = _separated(robots, settings, merged)
+        if factors is None:
+            break
+        restated = robots.scaled(factors)
+        merged = _under_one_factor(restated, settings, _everything(restated))
+        merged.factors = merged.factors * factors
+    return merged
+
+
+def _everything(robots: Robots) -> Settled:
+    """Each robot by all of its own loops."""
+    own = robots.own
+    return settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
+
+
+def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
     scale = _scale(robots, settings, everything)
     merged = _merged(robots, settings, everything, scale)
     left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
@@ -60,6 +84,24 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
         return merged
     return _merged(robots, settings, everything, better)
+
+
+def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
+    """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
+    inlier, group = merged.inlier, merged.group
+    ends = robots.groups_of_ends(group)
+    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+
+    def under(more: FloatArray) -> VarianceComponents:
+        of = robots.scaled(merged.factors * more)
+        settled = settle(
+            of.odometry, of.loops, inlier, inlier & (ends[0] == ends[1]), merged.settled.poses, held, np.inf
+        )
+        return settled.components
+
+    more = separate_factors(merged.settled.components, under)
+    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
+    return None if (more == 1.0).all() else np.clip(merged.factors * more, least, most)
 
 
 def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
@@ -119,7 +161,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
         settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
     reasons = _reasons(robots, group, settled, candidates)
-    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, scale)
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
 
 
 def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:

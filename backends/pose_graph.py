@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
-from numpy.typing import NDArray
 
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
@@ -16,20 +15,16 @@ from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.earth_factors import Ground
 from wiclosure.backends.factors import (
     Keys,
-    anchor,
     closure_factors,
-    inliers_among,
-    keyframes_in_factors,
     least_squares,
     odometry_factors,
+    values_of,
     with_factors,
 )
 from wiclosure.backends.frames import components, initial_frames
-from wiclosure.backends.graph_result import GraphResult, propagate_to_scans
+from wiclosure.backends.graph_result import GraphResult
+from wiclosure.backends.inliers import decide
 from wiclosure.backends.radio_factors import radio_factors
-from wiclosure.backends.settling import graduated, settle
-from wiclosure.backends.start import better_starts
-from wiclosure.backends.team_arrays import TeamArrays
 from wiclosure.backends.two_stage import placed_in_two_stages
 from wiclosure.errors import InputError
 from wiclosure.types import BoolArray, Closure, EarthMeasurements, FloatArray, RadioLinks, Residual, Stage, Trajectory
@@ -90,7 +85,7 @@ def optimise(
     groups = components(list(trajectories), kept, radio)
     graph, values = found.solved or (
         _final_graph(trajectories, kept, radio, groups, found.poses, found.ground),
-        _values(found.poses),
+        values_of(found.poses),
     )
     result = GraphResult(
         trajectories={r: replace(t, poses=found.poses[r], finer=None) for r, t in trajectories.items()},
@@ -158,82 +153,17 @@ def _joint(
     earth: EarthMeasurements,
 ) -> _Estimate:
     """First decide on the closures, then solve for all keyframes with the inliers."""
-    masks, poses = _decide(trajectories, sets, radio, rigid, settings)
+    masks, poses = decide(trajectories, sets, radio, rigid, settings)
     kept = _kept(sets, masks)
     groups = components(list(trajectories), kept, radio)
     ground, start = Ground.under(groups, _reset_unconnected(trajectories, groups, poses), earth)
     graph = _final_graph(trajectories, kept, radio, groups, start, ground)
-    values = least_squares(graph, _values(start))
+    values = least_squares(graph, values_of(start))
     return _Estimate(masks, _poses(values, trajectories), ground.diagnosis, (graph, values), ground)
 
 
 def _kept(sets: Sequence[ClosureSet], masks: Sequence[BoolArray]) -> list[ClosureSet]:
     return [closure_set.subset(np.flatnonzero(mask)) for closure_set, mask in zip(sets, masks, strict=True)]
-
-
-def _decide(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    rigid: Mapping[str, FloatArray],
-    settings: PoseGraphSettings,
-) -> tuple[list[BoolArray], dict[str, FloatArray]]:
-    """Inliers (one mask a set) and poses of all keyframes, from a graph of the keyframes that measurements hold.
-
-    The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
-    saves most of the time.
-    """
-    if radio or settings.robust == "cauchy":
-        return _decide_with_factors(trajectories, sets, radio, rigid, settings)
-    rows = sum(map(len, sets))
-    team = TeamArrays.of(trajectories, _numbered(sets), np.zeros(rows, bool))
-    groups = components(list(trajectories), sets)
-    limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
-    starts = better_starts(team, groups, rigid, limit)
-    held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
-    known, loops = team.robots.odometry, team.robots.loops
-    mask, poses = graduated(known, loops, starts, held, limit)
-    if not mask.all():  # with outliers about, those kept may hide behind odometry that they bend
-        settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
-        mask, poses = settled.inlier, settled.poses
-    solved, moved = team.poses_of(poses), {}
-    for robot, trajectory in trajectories.items():
-        keyframes = trajectory.subset(team.nodes[robot])
-        moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
-    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], moved
-
-
-def _numbered(sets: Sequence[ClosureSet]) -> list[ClosureSet]:
-    """With rows counted through all sets."""
-    starts = np.cumsum([0, *map(len, sets)])
-    return [
-        replace(closure_set, rows=start + np.arange(len(closure_set)))
-        for closure_set, start in zip(sets, starts, strict=False)
-    ]
-
-
-def _decide_with_factors(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    rigid: Mapping[str, FloatArray],
-    settings: PoseGraphSettings,
-) -> tuple[list[BoolArray], dict[str, FloatArray]]:
-    """The same over GTSAM's factors: radio's are its own, and a kernel is."""
-    keys, nodes = Keys(tuple(trajectories)), keyframes_in_factors(trajectories, [*sets, *radio])
-    roots = {group[0] for group in components(list(trajectories), sets, radio)}
-    anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
-    known = with_factors(
-        odometry_factors(trajectories, [*sets, *radio], keys, nodes),
-        [*anchors, *radio_factors(radio, trajectories, keys)],
-    )
-    mask, values = inliers_among(closure_factors(sets, keys), known, _values(rigid, nodes), settings)
-    poses = {}
-    for robot, trajectory in trajectories.items():
-        held = trajectory.subset(nodes[robot])
-        solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
-        poses[robot] = propagate_to_scans(trajectory, held, replace(held, poses=solved)).poses
-    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], poses
 
 
 def _final_graph(
@@ -260,16 +190,6 @@ def _reset_unconnected(
         T_new_world = trajectories[group[0]].poses[0] @ se3.inverse(poses[group[0]][0])
         moved |= {robot: T_new_world @ poses[robot] for robot in group}
     return moved
-
-
-def _values(poses: Mapping[str, FloatArray], nodes: Mapping[str, NDArray[np.int64]] | None = None) -> gtsam.Values:
-    """GTSAM's form of all poses, or only of those at the indices `nodes`."""
-    keys, values = Keys(tuple(poses)), gtsam.Values()
-    for robot, stack in poses.items():
-        used = np.arange(len(stack)) if nodes is None else nodes[robot]
-        for key, pose in zip(keys.all(robot, used), stack[used], strict=True):
-            values.insert(key, gtsam.Pose3(pose))
-    return values
 
 
 def _poses(values: gtsam.Values, trajectories: Mapping[str, Trajectory]) -> dict[str, FloatArray]:

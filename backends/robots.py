@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure.backends.edges import Edges, degrees_of_freedom
+from wiclosure.backends.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 
@@ -59,7 +60,9 @@ class Robots:
         """Of each robot."""
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
 
-    def scaled(self, scale: float) -> Robots:
-        """All standard deviations so many times as large."""
-        odometry, loops = (Edges(e.first, e.second, e.T, scale**2 * e.covariance) for e in (self.odometry, self.loops))
+    def scaled(self, factors: float | FloatArray) -> Robots:
+        """All standard deviations times one factor, or `(2,)` of rotation and translation."""
+        odometry, loops = (
+            Edges(e.first, e.second, e.T, restated(e.covariance, factors)) for e in (self.odometry, self.loops)
+        )
         return replace(self, odometry=odometry, loops=loops)

@@ -8,14 +8,15 @@ pulls the estimate to itself, and its own residual would not tell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.edges import Edges, System, degrees_of_freedom
+from wiclosure.backends.edges import Edges, System, degrees_of_freedom, mahalanobis_squared
 from wiclosure.backends.normal_matrix import DEGREES
+from wiclosure.backends.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent
@@ -39,6 +40,7 @@ class Settled:
         inlier: `(M,)` closures that the estimate rests on.
         distance: `(M,)` squared Mahalanobis distance of each closure from what the others predict; NaN outside groups.
         redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
+        components: what the residuals say of rotation and translation apart.
     """
 
     poses: FloatArray
@@ -46,12 +48,17 @@ class Settled:
     inlier: BoolArray
     distance: FloatArray
     redundant: FloatArray
+    components: VarianceComponents = field(default_factory=VarianceComponents.none)
 
     def scaled(self, scale: float) -> Settled:
         """The same with all standard deviations so many times as large."""
         squared = scale**2
         return replace(
-            self, wander=scale * self.wander, distance=self.distance / squared, redundant=self.redundant / squared
+            self,
+            wander=scale * self.wander,
+            distance=self.distance / squared,
+            redundant=self.redundant / squared,
+            components=replace(self.components, squared=self.components.squared / squared),
         )
 
 
@@ -156,7 +163,9 @@ def settle(
     for step in range(CHECK_ROUNDS):
         weights = np.concatenate([np.ones(count), kept.astype(float)])
         poses, moved = system.sampled(poses, weights, noise)
-        distance, checked = _studentised(system, poses, moved, noise)
+        residuals = system.residuals(poses)
+        covariance = _residual_covariance(system, poses, moved, noise)
+        distance = mahalanobis_squared(residuals, covariance)
         of_loops = distance[count:]
         bound = fewest_errors(int((of_loops <= limit).sum()), of_loops[of_loops > limit], limit, degrees)
         drop = kept & (of_loops > bound)
@@ -170,18 +179,16 @@ def settle(
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
     found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
     wander = se3.adjoint(poses) @ moved
-    redundant = distance[checked & np.concatenate([np.ones(count, bool), kept])]
-    return Settled(poses, wander, mask, found, redundant)
+    used = np.concatenate([np.ones(count, bool), kept])
+    checked = np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
+    expected = np.diagonal(covariance, axis1=1, axis2=2)
+    components = VarianceComponents.of(residuals[used], expected[used], degrees)
+    return Settled(poses, wander, mask, found, distance[checked & used], components)
 
 
-def _studentised(
-    system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """Squared distances `(M,)` of residuals by their own covariances, as sampled; which edges others check."""
+def _residual_covariance(system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
+    """`(M, 6, 6)` of the whitened residuals, as sampled."""
     A, B = system.jacobians(poses)
     sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
     covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - DEGREES - 1)
-    covariance += REDUNDANCY_FLOOR * np.eye(DEGREES)
-    residuals = system.residuals(poses)
-    distance = np.einsum("mi,mi->m", residuals, np.linalg.solve(covariance, residuals[..., None])[..., 0])
-    return distance, np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
+    return np.asarray(covariance + REDUNDANCY_FLOOR * np.eye(DEGREES))

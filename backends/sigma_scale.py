@@ -49,8 +49,9 @@ def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float)
     )
     fine = of_residuals(inside, comparisons[0].claims.degrees)
     if fine is None:
-        return 1.0
-    found = float(np.clip(fine, rough / 2.0, rough * 2.0))
+        found = rough if max(evidence) >= -rare and rough < 1.0 else 1.0
+    else:
+        found = float(np.clip(fine, rough / 2.0, rough * 2.0))
     if found >= 1.0 / NO_MATTER:
         return found
     # Who agrees least may be outside the set: below what is stated there is room to let the estimate tell.

@@ -15,11 +15,12 @@ import numpy as np
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
 from wiclosure.backends.earth_factors import Ground
+from wiclosure.backends.edges import degrees_of_freedom
 from wiclosure.backends.factors import Keys, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.graph_result import GraphResult
 from wiclosure.backends.incremental import IncrementalConsistency
 from wiclosure.backends.pose_graph import optimise
-from wiclosure.types import Closure, EarthMeasurements, FloatArray, Stage, Trajectory
+from wiclosure.types import Closure, EarthMeasurements, FloatArray, Stage, Trajectory, measured_poses
 
 
 class StreamingBackEnd:
@@ -50,6 +51,8 @@ class StreamingBackEnd:
         self._slots: dict[int, int] = {}  # row of each closure in the estimate: its place among iSAM2's factors
         self._switched_off: set[int] = set()  # inliers of the check that the estimate contradicts
         self._groups: set[frozenset[str]] = set()
+        steps = (t.relative_pose(*t.steps(np.arange(len(t)))) for t in trajectories.values())
+        self._degrees = degrees_of_freedom(*steps)
         self._restart()
 
     def poses(self, robot: str) -> FloatArray:
@@ -81,6 +84,7 @@ class StreamingBackEnd:
             graph.push_back(odometry_factors({robot: trajectory}, [], self._keys, nodes))
             last = self._isam.calculateEstimatePose3(self._keys(robot, known - 1)).matrix()
             steps = trajectory.relative_pose(np.full(len(trajectory) - known, known - 1), nodes[robot][1:])
+            self._degrees = max(self._degrees, degrees_of_freedom(steps))
             for index, pose in zip(nodes[robot][1:], last @ steps, strict=True):
                 values.insert(self._keys(robot, index), gtsam.Pose3(pose))
         self._odometry = dict(trajectories)
@@ -98,6 +102,8 @@ class StreamingBackEnd:
         """
         self._consistency.add(closures, self._odometry)
         self._closures += closures
+        measured, _ = measured_poses([closure for closure in closures if closure.measured is not None])
+        self._degrees = max(self._degrees, degrees_of_freedom(measured))
         inliers = set(self._consistency.inlier_rows)
         if self._connected(inliers) != self._groups:
             self._restart()
@@ -111,7 +117,7 @@ class StreamingBackEnd:
 
     def _switch(self, new: set[int]) -> None:
         """Switches off new closures that the estimate contradicts, and on those that it no longer does."""
-        limit = self._settings.inlier_limit(len(self._closures))
+        limit = self._settings.inlier_limit(len(self._closures), self._degrees)
         off = {row for row in new if self._chi_square(row) >= limit}
         on = {row for row in self._switched_off if self._chi_square(row) < limit}
         self._switched_off = (self._switched_off - on) | off

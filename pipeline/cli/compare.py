@@ -64,7 +64,7 @@ def compare_command(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
 
-    viewing.require_possible(overwrite=result.overwrite)
+    viewing.require_possible(overwrite=result.overwrite, several=True)
     plan = make_plan(data, arms.filters, arms.presets, arms.seeds, configuration=configuration, reading=reading)
     with (
         result_folder(result, data) as (folder, scratch),
@@ -83,10 +83,10 @@ def demo(
 ) -> None:
     """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.data.scenario_writer import write_scenario
+    from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
-    viewing.require_possible(overwrite=result.overwrite)
+    viewing.require_possible(overwrite=result.overwrite, several=True)
     working = Working(no_cache=True, quiet=quiet)
     with result_folder(result) as (folder, scratch), viewing.viewers(folder, scratch, quiet=quiet) as viewers:
         scenario = make_scenario("demo-site", ScenarioSettings(seed=seed))
@@ -122,7 +122,7 @@ def make_plan(
         ConfigError: an unknown filter or preset (with the nearest name), one named twice, or none.
     """
     from wiclosure.pipeline.comparison.plan import Plan, recorded_worlds, require_each_once, scenario_worlds
-    from wiclosure.pipeline.data.scenario_source import PREFIX, read_scenario_word
+    from wiclosure.pipeline.data.scenarios.scenario_source import PREFIX, read_scenario_word
 
     sources: Sequence[str | None] = _words(presets or "") or [None]
     names = [Path(source or configuration.config or "default").stem for source in sources]

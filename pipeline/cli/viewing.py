@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from glob import escape
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -41,8 +42,12 @@ class Viewing:
         ),
     ] = None
 
-    def require_possible(self, *, overwrite: bool) -> None:
+    def require_possible(self, *, overwrite: bool, several: bool = False) -> None:
         """Fails before any work.
+
+        Args:
+            overwrite: existing files may be replaced.
+            several: each of several arms has a file of its own, with its name behind the one that was given.
 
         Raises:
             ConfigError: the viewer is not installed.
@@ -56,8 +61,9 @@ class Viewing:
         if self.save_rrd is not None:
             if self.save_rrd.suffix != ".rrd":
                 raise OutputError(f"--save-rrd {self.save_rrd}: the viewer knows its files by the ending .rrd; add it")
-            if self.save_rrd.exists() and not overwrite:
-                raise OutputError(f"{self.save_rrd} exists already; choose another --save-rrd, or --overwrite")
+            own = f"{escape(self.save_rrd.stem)}{'-*' if several else ''}.rrd"
+            if not overwrite and (taken := next(iter(self.save_rrd.parent.glob(own)), None)):
+                raise OutputError(f"{taken} exists already; choose another --save-rrd, or --overwrite")
 
     @contextmanager
     def viewers(self, folder: Path, scratch: Path, *, quiet: bool) -> Iterator[Viewers]:

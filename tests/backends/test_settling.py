@@ -7,6 +7,7 @@ from scipy.stats import chi2
 from wiclosure import se3
 from wiclosure.backends.edges import Edges
 from wiclosure.backends.settling import Settled, fewest_errors, graduated, outlier_limit, settle, truncated_cost
+from wiclosure.backends.variance_components import VarianceComponents
 
 SIGMA = np.repeat([0.01, 0.05], 3)
 NODES = 30
@@ -100,9 +101,12 @@ def test_the_held_node_does_not_wander_and_the_spread_grows_along_odometry():
 
 
 def test_a_scale_of_sigma_divides_distances_by_its_square():
-    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), np.array([8.0]), np.array([4.0, 12.0]))
+    components = VarianceComponents(np.array([4.0, 8.0]), np.array([1.0, 2.0]))
+    distances = np.array([8.0]), np.array([4.0, 12.0])
+    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), *distances, components)
     two = one.scaled(2.0)
     assert (two.distance.tolist(), two.redundant.tolist()) == ([2.0], [1.0, 3.0])
+    assert (two.components.squared.tolist(), two.components.redundancy.tolist()) == ([1.0, 2.0], [1.0, 2.0])
     np.testing.assert_array_equal(two.wander, 2.0)
     np.testing.assert_array_equal(two.poses, one.poses)
 

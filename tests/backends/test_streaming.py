@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.backends.config import PcmSettings, PoseGraphSettings
+from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
 from wiclosure.backends.pcm import pairwise_consistent
 from wiclosure.backends.pose_graph import optimise
 from wiclosure.backends.streaming import StreamingBackEnd
-from wiclosure.types import Stage
+from wiclosure.types import Closure, KeyframeId, Stage, Trajectory
 
 ROBOTS = ("alpha", "beta", "gamma")
 
@@ -97,3 +97,27 @@ def test_without_pcm_the_estimate_alone_switches_false_closures_off(team_maker):
     for closure in false_closures(team, 3, rng):
         stream.add([closure])
     assert np.abs(stream.poses("beta") - before).max() < 0.05
+
+
+@pytest.mark.parametrize(("lift_m", "kept"), [(0.0, False), (1.0, True)])
+def test_planar_closures_are_switched_off_by_three_degrees_of_freedom(lift_m, kept):
+    """One that is 4.4 sigma off: too far for three degrees of freedom, not for six."""
+    x_m = np.arange(30.0)
+    poses = se3.from_yaw(0.0 * x_m, np.stack([x_m, 0.0 * x_m, lift_m * (x_m > 15)], axis=1))
+    steps = np.tile(1e-6 * np.eye(6), (29, 1, 1))
+    stamps_ns = np.arange(30, dtype=np.int64) * 10**9
+    odometry = {name: Trajectory(name, stamps_ns, poses, step_covariances=steps) for name in ("a", "b")}
+    closures = [
+        Closure.from_measurement(KeyframeId("a", n), KeyframeId("b", n), np.eye(4), 0.01 * np.eye(6))
+        for n in range(0, 30, 3)
+    ]
+    off = se3.from_yaw(0.0, np.array([0.0, 0.485, 0.0]))
+    closures.append(Closure.from_measurement(KeyframeId("a", 14), KeyframeId("b", 14), off, 0.01 * np.eye(6)))
+    exact = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+    stream = StreamingBackEnd(odometry, PcmSettings(enabled=False), PoseGraphSettings(noise=exact))
+    for closure in closures:
+        stream.add([closure])
+    decided = stream.result().closures
+    assert [c.survived(Stage.ESTIMATE) for c in decided] == [True] * 10 + [kept]
+    moved = stream.poses("b")[14, 1, 3]
+    assert (abs(moved) > 0.01) == kept

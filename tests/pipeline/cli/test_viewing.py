@@ -60,6 +60,12 @@ def test_a_file_is_not_replaced_unasked_and_has_the_viewers_ending(wiclosure: Ca
     code, _, err = wiclosure("run", *WORDS, "--save-rrd", "a.rrd", "--out", "out")
     assert code == 1
     assert "a.rrd exists already" in err
+    Path("ab-none.rrd").write_text("mine")
+    words = [word for word in WORDS if word not in {"--filter", "none"}]
+    code, _, err = wiclosure("compare", *words, "--save-rrd", "ab.rrd", "--out", "out")
+    assert code == 1
+    assert "ab-none.rrd exists already" in err
+    assert Path("ab-none.rrd").read_text() == "mine"
     assert Path("a.rrd").read_text() == "mine"
     code, _, err = wiclosure("run", *WORDS, "--save-rrd", "a.bag", "--out", "out")
     assert code == 1
