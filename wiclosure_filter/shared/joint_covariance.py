@@ -55,6 +55,8 @@ class JointCovariance:
 
     def of_pairs(self, a: int, n: IntArray, b: int, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Covariances `(M, 6, 6)` of poses n of robot a, of these with poses m of robot b, and of the latter."""
+        if len(n) == 0:
+            return np.zeros((0, 6, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, 6))
         (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
         own_a, cross, own_b = self._rows(a, rows).joint(self._rows(b, columns), slice(0, 6))
         return own_a[of_n], cross[of_n, of_m], own_b[of_m]
