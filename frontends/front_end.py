@@ -46,6 +46,8 @@ class Followed:
 class OdometryRun:
     """Takes one robot's scans one by one; what it keeps grows with the keyframes only (and one pose per scan).
 
+    It can be pickled between two scans, and goes on from there to the same result, bit by bit.
+
     Args:
         settings: of odometry.
         keyframes: which scans are kept, and how finely; each of several settings has a result of its own.
@@ -91,6 +93,11 @@ class OdometryRun:
         chosen = self._usable(scan) and self._follow(scan)
         self._seconds += time.perf_counter() - started
         return chosen
+
+    @property
+    def scans(self) -> int:
+        """How many scans went in so far."""
+        return self._scans
 
     @property
     def last(self) -> Followed | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
@@ -73,6 +73,10 @@ class _Followed:
     occupied: Occupied
 
 
+Recent: TypeAlias = tuple[tuple[_Followed, ...], tuple[float, ...], Hold]
+"""The last scans, which shares of points fell where they had some, and how it stands with the last of them."""
+
+
 class HoldingRegistration:
     """KISS-ICP's registration, which looks at what it found and searches anew where that does not fit.
 
@@ -87,6 +91,17 @@ class HoldingRegistration:
         self._last: deque[_Followed] = deque(maxlen=_TOGETHER)
         self._shares: deque[float] = deque(maxlen=_RECENT)
         self.hold = Hold.HELD
+
+    @property
+    def recent(self) -> Recent:
+        """All that is remembered of the scans so far."""
+        return tuple(self._last), tuple(self._shares), self.hold
+
+    @recent.setter
+    def recent(self, recent: Recent) -> None:
+        last, shares, self.hold = recent
+        self._last.extend(last)
+        self._shares.extend(shares)
 
     def align_points_to_map(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from kiss_icp.kiss_icp import KissICP
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.deskewing import deskewed
-from wiclosure.frontends.hold import HoldingRegistration
+from wiclosure.frontends.hold import HoldingRegistration, Recent
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
 from wiclosure.interfaces import Hold
@@ -89,6 +90,34 @@ class KissOdometry:
         """Whether the scan can be followed: KISS-ICP follows all."""
         return True
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All that the next scans depend on: an odometry that is unpickled goes on to the same result, bit by bit."""
+        kiss = self._kiss
+        of_kiss = None
+        if kiss is not None:
+            of_kiss = _KissState(
+                (kiss.last_pose, kiss.last_delta),
+                kiss.local_map.point_cloud(),
+                np.array(kiss.adaptive_threshold.deviations).reshape(-1, 4, 4),
+                kiss.registration.recent,
+                kiss.frame_downsample,
+                kiss.preprocessor.kept,
+            )
+        return {**self.__dict__, "_kiss": of_kiss}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update({**state, "_kiss": None})
+        of_kiss: _KissState | None = state["_kiss"]
+        if of_kiss is None:
+            return
+        kiss = self._kiss = self._made()
+        kiss.last_pose, kiss.last_delta = of_kiss.last
+        kiss.local_map.add_points(of_kiss.map_points)
+        for deviation in of_kiss.deviations:
+            kiss.adaptive_threshold.update_model_deviation(deviation)
+        kiss.registration.recent = of_kiss.recent
+        kiss.frame_downsample, kiss.preprocessor.kept = of_kiss.thinned, of_kiss.kept
+
     def _motion_share(self, times: FloatArray) -> float:
         """What share of the last motion between two scans happens during a sweep of these times."""
         if len(times) == 0 or len(self._last_stamps_ns) < 2:
@@ -98,10 +127,13 @@ class KissOdometry:
         return 1.0 if abs(share - 1.0) < _JITTER else min(share, 1.0)
 
     def _start(self, first: Scan) -> _KissICP:
-        settings = self._settings
-        if settings.voxel_size_m is None:
+        if self._settings.voxel_size_m is None:
             self.voxel_size_m = voxel_size_m(first.points)
         logger.debug("odometry: voxels of %.3f m", self.voxel_size_m)
+        return self._made()
+
+    def _made(self) -> _KissICP:
+        settings = self._settings
         kiss = _KissICP(
             KISSConfig(
                 data=DataConfig(max_range=settings.max_range_m, min_range=settings.min_range_m, deskew=settings.deskew),
@@ -117,6 +149,27 @@ class KissOdometry:
         return kiss
 
 
+@dataclass(frozen=True, eq=False)
+class _KissState:
+    """What KISS-ICP knows after some scans.
+
+    Args:
+        last: pose and motion of the last scan, `(4, 4)`.
+        map_points: `(M, 3)` voxel by voxel, in each in the order in which they came: added anew they make the same map.
+        deviations: `(S, 4, 4)` by how much the predictions were off; KISS-ICP does not tell the sum that it keeps.
+        recent: see `HoldingRegistration`.
+        thinned: `(N, 3)` points of the last scan.
+        kept: which of its points were within range.
+    """
+
+    last: tuple[FloatArray, FloatArray]
+    map_points: FloatArray
+    deviations: FloatArray
+    recent: Recent
+    thinned: FloatArray
+    kept: BoolArray
+
+
 class _BoundedThreshold:
     """KISS-ICP's adaptive threshold, no wider than its map is searched.
 
@@ -126,6 +179,7 @@ class _BoundedThreshold:
 
     def __init__(self, threshold: Any, most_m: float) -> None:
         self._threshold, self._most_m = threshold, most_m
+        self.deviations: list[FloatArray] = []
 
     def get_threshold(self) -> float:
         """The standard deviation that is expected of the prediction, m."""
@@ -133,6 +187,7 @@ class _BoundedThreshold:
 
     def update_model_deviation(self, model_deviation: FloatArray) -> None:
         """By how much the last prediction was off, `(4, 4)`."""
+        self.deviations.append(model_deviation)
         self._threshold.update_model_deviation(model_deviation)
 
 
@@ -140,6 +195,7 @@ class _KissICP(KissICP):  # type: ignore[misc]  # kiss-icp publishes no types
     """KISS-ICP that keeps the thinned scan: thinning it again for keyframes would take as long as describing it."""
 
     frame_downsample: FloatArray
+    adaptive_threshold: _BoundedThreshold
     registration: HoldingRegistration
     preprocessor: _SweepPreprocessor
 

@@ -108,3 +108,11 @@ def test_each_shows_in_one_short_line() -> None:
     log = WirelessLog((MEASURED,), (COMPASS,))
     assert repr(log) == "WirelessLog(1 measurement, 1 heading, of alpha, beta, gamma, 1.5 s)"
     assert repr(WirelessLog()) == "WirelessLog(empty)"
+
+
+@pytest.mark.parametrize("sigma", [1e-9, 1e7, 4e225])
+def test_sigmas_of_angles_have_a_range(sigma):
+    with pytest.raises(InputError, match="path sigma"):
+        AoaPath(0.3, sigma)
+    with pytest.raises(InputError, match="heading sigma"):
+        Heading(0, "alpha", 0.3, sigma)

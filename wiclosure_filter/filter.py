@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import TypeAlias
@@ -17,6 +17,7 @@ from wiclosure.types import (
     FilterResult,
     FrameAlignment,
     PredictionKind,
+    RadioLinks,
     Trajectory,
     WirelessLog,
     require_own_names,
@@ -26,7 +27,7 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.diagnosis import likeliest_fault, with_fault, worth_a_diagnosis
+from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.rereading import reread
 from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
@@ -91,7 +92,7 @@ class WiClosureFilter:
             filter_name=self.name,
             pairs=pairs,
             pairs_total=count_pairs(trajectories),
-            alignments=tuple(_as_predicted(one, shared, trajectories) for one in alignments.values()),
+            alignments=_as_predicted(alignments.values(), shared, trajectories),
             diagnosis=(*unknown_robots(trajectories, wireless), *self._explain(pairs, alignments, shared)),
             seconds=perf_counter() - start,
             links=shared.links,
@@ -143,13 +144,10 @@ class WiClosureFilter:
         for pair, alignment in list(alignments.items()):
             if objection and not alignment.ambiguous:
                 alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
-        faults = {}
-        for pair, alignment in alignments.items():
-            if mixed_up is None and not worth_a_diagnosis(alignment):
-                continue
-            fault = mixed_up or likeliest_fault(alignment, trajectories, wireless, settings)
-            if fault is not None:
-                faults[pair] = fault
+        if mixed_up is None:
+            faults = side_by_side.faults(alignments.values(), trajectories, wireless, settings, self.workers)
+        else:
+            faults = dict.fromkeys(alignments, mixed_up)
         alignments |= without_refuted(alignments, links, faults)
         for pair, fault in outvoted(faults, alignments).items():
             alignments[pair] = with_fault(alignments[pair], fault)
@@ -275,16 +273,26 @@ class WiClosureFilter:
 
 
 def _as_predicted(
-    alignment: FrameAlignment, shared: SharedTrajectory, trajectories: Mapping[str, Trajectory]
+    alignments: Iterable[FrameAlignment], shared: SharedTrajectory, trajectories: Mapping[str, Trajectory]
+) -> tuple[FrameAlignment, ...]:
+    """What the predictions imply at the middle of each meeting, with their covariance; unused ones as they are."""
+    links = {(used.robot_a, used.robot_b): used for used in shared.links}
+    return tuple(
+        _at_meeting(one, links[pair], shared.estimates[pair], trajectories)
+        if (pair := (one.robot_a, one.robot_b)) in links and pair in shared.estimates
+        else one
+        for one in alignments
+    )
+
+
+def _at_meeting(
+    alignment: FrameAlignment, links: RadioLinks, estimate: SharedEstimate, trajectories: Mapping[str, Trajectory]
 ) -> FrameAlignment:
-    """What the predictions imply at the middle of the meeting, with their covariance; as it is where it is not used."""
-    pair = (alignment.robot_a, alignment.robot_b)
-    links = next((one for one in shared.links if (one.robot_a, one.robot_b) == pair), None)
-    if links is None or alignment.best is None or pair not in shared.estimates:
+    if alignment.best is None:
         return alignment
-    middle = len(links.index_a) // 2
+    pair, middle = (alignment.robot_a, alignment.robot_b), len(links.index_a) // 2
     index_a, index_b = links.index_a[[middle]], links.index_b[[middle]]
-    T_a_b, covariance = shared.estimates[pair].relative_poses(pair[0], index_a, pair[1], index_b)
+    T_a_b, covariance = estimate.relative_poses(pair[0], index_a, pair[1], index_b)
     at_a, at_b = (trajectories[robot].poses[i[0]] for robot, i in zip(pair, (index_a, index_b), strict=True))
     best = replace(alignment.best, T_a_b=at_a @ T_a_b[0] @ se3.inverse(at_b))
     return replace(alignment, best=best, covariance=se3.rotate_covariance(se3.adjoint(at_b), covariance[0]))

@@ -1,4 +1,4 @@
-"""What the filter does for each pair of robots, done by workers: alignments, and searches for overlap."""
+"""What the filter does for each pair of robots, done by workers: alignments, diagnoses, searches for overlap."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from functools import partial
 from itertools import islice
 from typing import TypeAlias, TypeVar
 
-from wiclosure.types import FrameAlignment, Trajectory
+from wiclosure.types import FrameAlignment, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings, GateSettings
+from wiclosure.wiclosure_filter.faults.corrections import Correction
+from wiclosure.wiclosure_filter.faults.diagnosis import between, likeliest, tried, worth_a_diagnosis
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_overlap
@@ -23,6 +25,7 @@ _Item = TypeVar("_Item")
 
 _AT_ONCE = 16  # pairs of robots sent together: about a second's work
 _WORTH_WORKERS = 64  # of fewer pairs the work is done sooner than processes start
+_TRIED = 25  # alignments that a diagnosis makes
 _MODELS = 1024  # pairs of robots whose models are held at a time
 
 
@@ -57,6 +60,44 @@ def alignments(
 
 def _aligned(team: _Team, settings: AlignmentSettings) -> list[FrameAlignment]:
     return [align(links, team.trajectories, settings) for links in team.links]
+
+
+@dataclass(frozen=True, eq=False)
+class _Doubtful:
+    """An alignment that measurements do not fit, with what it rests on."""
+
+    alignment: FrameAlignment
+    trajectories: Mapping[str, Trajectory]
+    log: WirelessLog
+
+    def __str__(self) -> str:
+        return f"diagnosis of {self.alignment.robot_a} and {self.alignment.robot_b}"
+
+
+def faults(
+    alignments: Iterable[FrameAlignment],
+    trajectories: Mapping[str, Trajectory],
+    log: WirelessLog,
+    settings: AlignmentSettings,
+    workers: Workers,
+) -> dict[RobotPair, Correction]:
+    """The likeliest systematic error of each pair of robots whose measurements do not fit, where one explains them."""
+    doubtful = {(one.robot_a, one.robot_b): one for one in alignments if worth_a_diagnosis(one)}
+    logs = between(log, doubtful)
+    work = [
+        _Doubtful(one, {robot: trajectories[robot] for robot in pair}, logs[pair]) for pair, one in doubtful.items()
+    ]
+    with closing(_pool(workers, _TRIED * len(work)).each(partial(_diagnosed, settings=settings), work)) as done:
+        found = dict(done)
+    return {
+        pair: tried(one.alignment, one.trajectories, one.log, settings)[0][best]
+        for number, (pair, one) in enumerate(zip(doubtful, work, strict=True))
+        if (best := found[number]) is not None
+    }
+
+
+def _diagnosed(doubtful: _Doubtful, settings: AlignmentSettings) -> int | None:
+    return likeliest(doubtful.alignment, doubtful.trajectories, doubtful.log, settings)
 
 
 def searches(

@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 import sys
+from types import FrameType
 from typing import Annotated, NoReturn, cast
 
 import typer
@@ -74,6 +75,25 @@ def common(
     """Options before the command."""
 
 
+class _Interruption:
+    """Remembers that a signal came: what is at work may make another error of the interruption."""
+
+    came = False
+
+    @classmethod
+    def listen(cls) -> None:
+        """Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left."""
+        cls.came = False
+        for ending in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            if signal.getsignal(ending) in {signal.SIG_DFL, signal.default_int_handler}:  # `nohup` has it ignored
+                signal.signal(ending, cls.handle)
+
+    @classmethod
+    def handle(cls, number: int, frame: FrameType | None) -> NoReturn:
+        cls.came = True
+        raise KeyboardInterrupt
+
+
 def main() -> None:
     """Entry point: known errors become one line and exit code 1."""
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
@@ -81,16 +101,17 @@ def main() -> None:
     _suit_terminal()
     # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left behind.
-    for ending in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-        if signal.getsignal(ending) is signal.SIG_DFL:  # `nohup` has it ignored
-            signal.signal(ending, signal.default_int_handler)
+    _Interruption.listen()
     try:
         code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except usage_error as error:
         _fail(f"{cast('typer.BadParameter', error).format_message()} (see wiclosure --help)")
     except WiclosureError as error:
         _fail(str(error))
+    except ImportError:
+        if not _Interruption.came:
+            raise
+        code = INTERRUPTED  # modules in C that are interrupted while they load say that they cannot be
     except BrokenPipeError:  # `wiclosure ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0

@@ -83,7 +83,7 @@ def demo(
 ) -> None:
     """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.data.scenario_writer import write_scenario
+    from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
 
     viewing.require_possible(overwrite=result.overwrite, several=True)
@@ -122,7 +122,7 @@ def make_plan(
         ConfigError: an unknown filter or preset (with the nearest name), one named twice, or none.
     """
     from wiclosure.pipeline.comparison.plan import Plan, recorded_worlds, require_each_once, scenario_worlds
-    from wiclosure.pipeline.data.scenario_source import PREFIX, read_scenario_word
+    from wiclosure.pipeline.data.scenarios.scenario_source import PREFIX, read_scenario_word
 
     sources: Sequence[str | None] = _words(presets or "") or [None]
     names = [Path(source or configuration.config or "default").stem for source in sources]

@@ -80,7 +80,7 @@ def convert(
     Example: wiclosure radio convert team_bag,preset=tiers --robots turtle02,turtle03 --out wireless.jsonl
     """
     from wiclosure.errors import OutputError
-    from wiclosure.formats.wireless_log import write_wireless_log
+    from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
     from wiclosure.pipeline.runtime.output import whole_file
     from wiclosure.types import WirelessLog
 

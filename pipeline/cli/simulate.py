@@ -115,8 +115,8 @@ def simulate(
 
     Example: wiclosure simulate shell-space --out data/shell
     """
-    from wiclosure.pipeline.data.scenario_source import scenario_settings
-    from wiclosure.pipeline.data.scenario_writer import require_format, write_scenario
+    from wiclosure.pipeline.data.scenarios.scenario_source import scenario_settings
+    from wiclosure.pipeline.data.scenarios.scenario_writer import require_format, write_scenario
     from wiclosure.pipeline.report.plan_view import draw_plan
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal

@@ -10,7 +10,7 @@ from pathlib import Path
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
-from wiclosure.pipeline.data.scenario_source import scenario_inputs
+from wiclosure.pipeline.data.scenarios.scenario_source import scenario_inputs
 from wiclosure.simulation.names import lookup
 from wiclosure.simulation.scenarios import ScenarioSettings
 from wiclosure.wiclosure_filter.registry import FILTERS

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from wiclosure.pipeline.data.dataset_file import ROBOT_KEYS
+from wiclosure.pipeline.data.robot_keys import ROBOT_KEYS
 from wiclosure.pipeline.radio.source import keys
 
 _HEAD = """\

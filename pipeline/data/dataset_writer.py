@@ -15,8 +15,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from wiclosure.errors import OutputError
-from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.stamps import seconds_text
+from wiclosure.formats.trajectories.kitti_poses import write_kitti_poses
 from wiclosure.pipeline.runtime.output import whole_folder
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import (

@@ -10,11 +10,12 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.formats.epochs import other_epoch
-from wiclosure.formats.kitti_poses import KittiPoses, read_kitti_poses
 from wiclosure.formats.plausible import require_rotation
-from wiclosure.formats.trajectory_file import trajectory_kind
+from wiclosure.formats.trajectories.kitti_poses import KittiPoses, read_kitti_poses
+from wiclosure.formats.trajectories.trajectory_file import trajectory_kind
 from wiclosure.pipeline.data.odometry_reader import read_poses
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.runtime.paths import is_file
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.folder import FolderSource
@@ -53,7 +54,7 @@ def recorded_ground_truth(robot: str, recording: RobotRecording, *, salvage: boo
 
 def _is_without_stamps(path: Path) -> bool:
     """Whether a file holds poses that belong to scans by their order or number."""
-    is_kitti = path.is_file() and not bag_kind(path) and trajectory_kind(path) == "kitti"
+    is_kitti = is_file(path) and not bag_kind(path) and trajectory_kind(path) == "kitti"
     return is_kitti and read_kitti_poses(path).stamps_ns is None
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError
-from wiclosure.formats.trajectory_file import read_trajectory
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory
 from wiclosure.types import Trajectory
 
 

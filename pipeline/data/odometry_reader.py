@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.trajectory_file import read_trajectory
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.runtime.paths import exists
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.bags import open_bag
 from wiclosure.pipeline.sources.poses.frames import StaticTransforms
@@ -49,7 +50,7 @@ def read_poses(
         InputError: they cannot be read, or a topic is named and there is no bag.
     """
     place = recording.scans if path is None else path
-    if path is not None and not path.exists():
+    if path is not None and not exists(path):
         raise InputError(f"{path} does not exist; paths are relative to the data set file")
     if bag_kind(place):
         return read_pose_topic(place, topic or only_pose_topic(place, salvage=salvage), robot, salvage=salvage)

@@ -49,7 +49,7 @@ def open_inputs(
                 " and --salvage out"
             )
         # Imported here: it needs scipy's splines, which recordings do not.
-        from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario_inputs
+        from wiclosure.pipeline.data.scenarios.scenario_source import read_scenario_word, scenario_inputs
 
         return scenario_inputs(*read_scenario_word(data[0]), limit=limit)
     dataset = load_dataset(data, topic=topic, wireless=sources_of_words(wireless))

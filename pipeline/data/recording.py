@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from wiclosure.formats.radio_units import LengthUnit
+from wiclosure.formats.radio.radio_units import LengthUnit
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
 from wiclosure.formats.stamps import seconds_text
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.ground_truth import kitti_ground_truth

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.pyfg import WORDS, read_pyfg_ranges
+from wiclosure.formats.radio.pyfg import WORDS, read_pyfg_ranges
+from wiclosure.formats.radio.wireless_log import read_wireless_log
+from wiclosure.formats.radio.wsr import read_wsr_profiles, wsr_wireless_log
 from wiclosure.formats.structured_text import parse_json
-from wiclosure.formats.wireless_log import read_wireless_log
-from wiclosure.formats.wsr import read_wsr_profiles, wsr_wireless_log
 from wiclosure.pipeline.radio.presets import preset_of_header, preset_settings
 from wiclosure.pipeline.radio.readers.account import Account
 from wiclosure.pipeline.radio.readers.corrections import CORRECTIONS, corrected

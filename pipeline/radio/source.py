@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from wiclosure.formats.name_pattern import NamePattern
-from wiclosure.formats.radio_units import AngleUnit, AzimuthZero, ElevationZero, LengthUnit, TimeUnit
+from wiclosure.formats.radio.radio_units import AngleUnit, AzimuthZero, ElevationZero, LengthUnit, TimeUnit
 from wiclosure.settings import Settings
 from wiclosure.types import AoaFrame
 
@@ -62,7 +62,8 @@ class RadioSource(Settings):
     )
     stamp_unit: TimeUnit = Field(
         "auto",
-        description="s, ms, us, ns, 100us, 10us, 100ns; auto: by their size since 1970, else s; ISO 8601 dates",
+        description="s, ms, us, ns, 100us, 10us, 100ns since 1970, filetime (100 ns since 1601), dotnet (100 ns since"
+        " the year 1); auto: by their size, else s; ISO 8601 dates",
     )
     time_offset: float = Field(
         0.0, description="seconds that are added to the log's stamps, before those of the robots"

@@ -133,6 +133,13 @@ class StageCache:
         except (OutputError, OSError) as error:
             logger.warning("%s is not kept for later runs: %s", stage, error)
 
+    def drop(self, stage: str, depends_on: object) -> None:
+        """Throws one entry away, if it is there."""
+        entry = self._entry(stage, depends_on)
+        if entry is not None:
+            with suppress(OSError):
+                entry.unlink(missing_ok=True)
+
     def stock(self) -> tuple[Stock, ...]:
         """What is kept, by stage."""
         found: dict[str, list[int]] = {}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.radio_units import METRES, LengthUnit
+from wiclosure.formats.radio.radio_units import METRES, LengthUnit
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.runtime.paths import is_endless
 from wiclosure.pipeline.sources.bag_files import bag_kind

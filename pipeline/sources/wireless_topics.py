@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Protocol, TypeAlias, TypeVar, cast
 
 from wiclosure.errors import InputError
-from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
+from wiclosure.formats.radio.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.sources.bags import Bag, open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE

@@ -10,8 +10,8 @@ import numpy as np
 
 from wiclosure.backends.graph_files.g2o_writer import PLANAR, SPATIAL, write_g2o
 from wiclosure.backends.graph_files.jrr_writer import write_robot_results
-from wiclosure.formats.kitti_poses import write_kitti_poses
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.trajectories.kitti_poses import write_kitti_poses
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.runtime.output import write_json
 from wiclosure.pipeline.stages.closures_csv import decision
 from wiclosure.pipeline.stages.optimising import MergedGraphs

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
+from itertools import islice
 from typing import TypeAlias
 
 from pydantic import ValidationError
@@ -17,6 +18,7 @@ from wiclosure.frontends.front_end_result import Descriptors, FrontEndResult, Od
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.checkpoints import Checkpoints
 from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.reading_ahead import read_ahead
@@ -209,13 +211,17 @@ class _Work:
             for c in self.configs[1:]
             if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
         ]
-        settings = odometry_settings(robot, config)
-        run = OdometryRun(settings, [c.keyframes for c in (config, *others)], robot.robot, robot.odometry)
+        checkpoints = Checkpoints(OdometryRun, self.cache, [_of_odometry(robot, each) for each in (config, *others)])
+        run = checkpoints.last() or OdometryRun(
+            odometry_settings(robot, config), [c.keyframes for c in (config, *others)], robot.robot, robot.odometry
+        )
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
-            run.process_all(_reported(scans, robot.robot, run if self.seen else None))
+            left = checkpoints.kept(islice(scans, run.scans, None), run)
+            run.process_all(_reported(left, robot.robot, run.scans, run if self.seen else None))
         result, *further = run.results()
         for other, found in zip(others, further, strict=True):
             self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)
+        checkpoints.drop()
         return result
 
 
@@ -239,9 +245,9 @@ def _of_descriptors(odometry: list[object], config: Config) -> list[object]:
     return [odometry, config.scan_context.model_dump()]
 
 
-def _reported(scans: Iterable[Scan], robot: str, run: OdometryRun | None) -> Iterator[Scan]:
-    """The same scans; how many passed is told some times a second, and at the end; of the run its last, if given."""
-    count, last_s = 0, time.monotonic()
+def _reported(scans: Iterable[Scan], robot: str, before: int, run: OdometryRun | None) -> Iterator[Scan]:
+    """The same scans; how many passed, those before too, is told some times a second; of the run its last, if given."""
+    count, last_s = before, time.monotonic()
     for scan in scans:
         require_wanted()
         yield scan

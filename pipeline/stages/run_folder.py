@@ -13,9 +13,9 @@ from wiclosure.backends.map_writers import write_pcd, write_ply
 from wiclosure.backends.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
-from wiclosure.formats.kitti_poses import write_kitti_poses
 from wiclosure.formats.structured_text import read_json, read_yaml
-from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.formats.trajectories.kitti_poses import write_kitti_poses
+from wiclosure.formats.trajectories.tum import read_tum, write_tum
 from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.errors import truth_at
 from wiclosure.pipeline.evaluation.metrics import Metrics

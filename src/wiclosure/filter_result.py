@@ -40,6 +40,9 @@ class AlignmentHypothesis:
         return f"AlignmentHypothesis({where}, log-likelihood {self.log_likelihood:.1f}, {len(self.paths_kept)} paths)"
 
 
+_BLUNDER = 10.0  # times the usual size of a constant error
+
+
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """A systematic error that was estimated along with an alignment, and that its predictions are corrected for.
@@ -61,6 +64,18 @@ class Calibration:
     def extraordinary(self) -> bool:
         """Whether it is clearly there, and beyond what is ordinary: a fault."""
         return abs(self.value) > 3 * max(self.sigma, self.prior_sigma)
+
+    @property
+    def log_blunder(self) -> float:
+        """Natural logarithm of the Bayes factor for an error of a blunder's size, ten times the usual, against that.
+
+        Zero where the prior hardly draws the estimate from what was measured: then the estimate has followed.
+        """
+        value, sigma = self.measured
+        if abs(value - self.value) <= self.sigma:
+            return 0.0
+        usual, blunder = sigma**2 + self.prior_sigma**2, sigma**2 + (_BLUNDER * self.prior_sigma) ** 2
+        return math.log(usual / blunder) / 2 + value**2 / 2 * (1 / usual - 1 / blunder)
 
     @property
     def measured(self) -> tuple[float, float]:

@@ -30,9 +30,18 @@ from wiclosure.filter_result import (
 from wiclosure.inertial import ImuLog
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory, require_own_names
-from wiclosure.wireless import AoaFrame, AoaPath, Heading, RangeError, WirelessLog, WirelessMeasurement
+from wiclosure.wireless import (
+    TURN_RAD,
+    AoaFrame,
+    AoaPath,
+    Heading,
+    RangeError,
+    WirelessLog,
+    WirelessMeasurement,
+)
 
 __all__ = [
+    "TURN_RAD",
     "AlignmentFit",
     "AlignmentHypothesis",
     "AoaFrame",

@@ -19,8 +19,10 @@ FARTHEST_M = 1e6
 """Of a range, in millimetres too: no radio of robots reaches further."""
 _LONGEST_ARM_M = 100.0  # from a robot's body to its antenna
 _SMALLEST_SIGMA, _LARGEST_SIGMA_M = 1e-6, 1e6
+_LARGEST_SIGMA_RAD = 1e6  # of an angle: beyond a few turns it says nothing anyway
 _HEAVIEST, _MOST_TURNS = 1e9, 1000
-_TURN_RAD = 2 * math.pi + 1e-6
+TURN_RAD = 2 * math.pi + 1e-6
+"""Angles beyond a turn are no radians, or count turns."""
 _UPRIGHT_RAD = math.pi / 2 + 1e-6
 
 
@@ -50,13 +52,13 @@ class AoaPath:
     def __post_init__(self) -> None:
         for name in ("azimuth", "sigma", "weight"):
             _require_finite(f"path {name}", getattr(self, name))
-        if abs(self.azimuth) > _TURN_RAD:
+        if abs(self.azimuth) > TURN_RAD:
             raise InputError(f"path azimuth is {self.azimuth}; it must lie within -2 pi and 2 pi (radians)")
         if self.sigma <= 0:
             raise InputError(f"path sigma is {self.sigma}; it must be > 0 (radians)")
         if self.weight < 0:
             raise InputError(f"path weight is {self.weight}; it must be >= 0")
-        _require_within("path sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
+        _require_within("path sigma", self.sigma, _SMALLEST_SIGMA, _LARGEST_SIGMA_RAD, "radians")
         _require_within("path weight", self.weight, 0.0, _HEAVIEST, "a share")
         if self.elevation is not None:
             _require_finite("path elevation", self.elevation)
@@ -161,8 +163,8 @@ class Heading:
         _require_finite("heading sigma", self.sigma)
         if self.sigma <= 0:
             raise InputError(f"heading sigma is {self.sigma}; it must be a number > 0 (radians)")
-        _require_within("heading sigma", self.sigma, _SMALLEST_SIGMA, math.inf, "radians")
-        _require_within("heading", abs(self.heading), 0.0, _MOST_TURNS * _TURN_RAD, "radians")
+        _require_within("heading sigma", self.sigma, _SMALLEST_SIGMA, _LARGEST_SIGMA_RAD, "radians")
+        _require_within("heading", abs(self.heading), 0.0, _MOST_TURNS * TURN_RAD, "radians")
 
     def __repr__(self) -> str:
         return f"Heading({self.robot!r} at {_seconds(self.stamp_ns)}, {self.heading:.3f} rad, sigma {self.sigma:.3f})"

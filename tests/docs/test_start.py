@@ -12,7 +12,7 @@ import pytest
 
 from wiclosure import ScenarioSettings, make_scenario
 from wiclosure.pipeline import cli
-from wiclosure.pipeline.data.scenario_writer import write_scenario
+from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
 from wiclosure.pipeline.runtime.progress import NoProgress
 
 from .pages import REPOSITORY, text_of

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.drift import DriftModel
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.cli import main as command
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag
 from wiclosure.types import Scan, Trajectory, WirelessLog, WirelessMeasurement

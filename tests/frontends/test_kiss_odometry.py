@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -86,3 +88,21 @@ def test_voxels_follow_the_extent_of_the_surroundings(extent_m: float, voxel_m: 
     points = np.random.default_rng(0).uniform(-1, 1, (5000, 3))
     points *= extent_m / np.quantile(np.linalg.norm(points, axis=1), 0.95)
     assert voxel_size_m(points) == voxel_m
+
+
+def test_one_that_is_unpickled_goes_on_to_the_same_bit() -> None:
+    world = wall_points()
+    times = np.linspace(0.0, PERIOD_S, len(world))
+    scans = [Scan(round(k * 1e8), sweep(k * 0.1, times, world), times) for k in range(14)]
+    # A jolt half-way: whether odometry holds there, depends on what it remembers of the scans before.
+    scans[9] = Scan(scans[9].stamp_ns, se3.transform(se3.exp(np.array([0, 0, 0.6, 0, 0, 0])), scans[9].points), times)
+    whole, interrupted = (KissOdometry(OdometrySettings(voxel_size_m=0.5)) for _ in range(2))
+    for number, scan in enumerate(scans):
+        if number in {0, 1, 8, 9, 10}:
+            interrupted = pickle.loads(pickle.dumps(interrupted))
+        one, other = whole.register(scan), interrupted.register(scan)
+        assert one[0] == other[0]
+        assert one[1].tobytes() == other[1].tobytes()
+        assert one[2].tobytes() == other[2].tobytes()
+        assert whole.hold is interrupted.hold
+        assert whole.thinned.tobytes() == interrupted.thinned.tobytes()

@@ -16,12 +16,12 @@ from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.drift import DriftModel
 from wiclosure.evidence import RegistrationEvidence
 from wiclosure.formats.candidates_csv import read_candidates, write_candidates
-from wiclosure.formats.kitti_poses import read_kitti_poses, write_kitti_poses
-from wiclosure.formats.trajectory_file import read_trajectory
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.radio.wsr import read_wsr_profiles
+from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses, write_kitti_poses
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.formats.unpacking import zstd
-from wiclosure.formats.wireless_log import write_wireless_log
-from wiclosure.formats.wsr import read_wsr_profiles
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, OdometryResult
 from wiclosure.pipeline.config import Config, dump_config, load_config
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.formats.tum import read_tum, write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import read_tum, write_tum
 from wiclosure.frontends.config import KeyframeSettings, OdometrySettings
 from wiclosure.frontends.front_end import OdometryRun
 from wiclosure.interfaces import ScanSource

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario_settings
+from wiclosure.pipeline.data.scenarios.scenario_source import read_scenario_word, scenario_settings
 from wiclosure.simulation import SCENARIOS, RadioSettings, ScenarioSettings, make_scenario
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -11,6 +11,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, FrameAlignment, IntArray, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, unobservable
+from wiclosure.wiclosure_filter.alignment.calibration import CONSTANT_BLUNDER, RANGE_SCALE
 from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, drift_matters, follow_drift
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
@@ -115,7 +116,8 @@ class _Chosen:
         slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
         ambiguous = selection.reason if selection.ambiguous else best.vague
         blunder = "" if indistinct is None else indistinct.sentence
-        found = (best.extraordinary, sentence or slip, misfit, ambiguous, blunder)
+        extraordinary = best.extraordinary(settings.guard.min_odds)
+        found = (extraordinary, sentence or slip, misfit, ambiguous, blunder)
         objections = tuple(objection for objection in found if objection)
         only_blunders = indistinct is not None and objections == (blunder,)
         return cls(
@@ -123,7 +125,7 @@ class _Chosen:
             indistinct.hypotheses if indistinct and only_blunders else tuple(other.hypothesis for other in others),
             fit,
             objections,
-            best.extraordinary or slip or misfit or blunder,
+            extraordinary or slip or misfit or blunder,
             selection.reason,
             likely=bool(only_blunders or second or (selection.alternatives and not misfit and not slip)),
         )
@@ -228,10 +230,14 @@ class _Followed:
         """That odometry and systematic errors of their usual size are bent as far."""
         return 1.0 if self.frames is None else self.frames.strain.probability(inflation)
 
-    @property
-    def extraordinary(self) -> str:
-        """Systematic errors that are far larger than usual, as a sentence, or an empty string."""
-        beyond = [str(error) for error in self.calibration if error.extraordinary]
+    def extraordinary(self, min_odds: float) -> str:
+        """Systematic errors that are far larger than usual, or may be: a sentence; empty where the odds are against."""
+        suspicious = -np.log(min_odds * CONSTANT_BLUNDER)
+        beyond = [
+            str(error)
+            for number, error in enumerate(self.calibration)
+            if error.extraordinary or (number != RANGE_SCALE and error.log_blunder > suspicious)
+        ]
         return f"the measurements tell a systematic error beyond the usual: {'; '.join(beyond)}" if beyond else ""
 
 

@@ -22,6 +22,7 @@ from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 BIAS, RANGE_SCALE, CLOCK, AZIMUTH_A, AZIMUTH_B, SCALE_A, SCALE_B = range(7)
 COUNT = 7
+CONSTANT_BLUNDER = 0.02  # share of logs in which a bias, a clock, a mounting angle or an odometry's scale is a blunder
 
 
 @dataclass(frozen=True, eq=False)

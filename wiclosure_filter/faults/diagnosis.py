@@ -7,13 +7,13 @@ kind of measurement to look at.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray, FrameAlignment, Trajectory, WirelessLog
+from wiclosure.types import FloatArray, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, azimuths_off, corrections, ranges_off
@@ -46,17 +46,30 @@ def likeliest_fault(
         log: all measurements.
         settings: of the alignment.
     """
-    a, b = alignment.robot_a, alignment.robot_b
-    inputs = {name: trajectories[name] for name in (a, b)}, _between(a, b, log)
-    quick = quick_settings(settings)
+    best = likeliest(alignment, trajectories, log, settings)
+    return None if best is None else tried(alignment, trajectories, log, settings)[0][best]
+
+
+def likeliest(
+    alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog, settings: AlignmentSettings
+) -> int | None:
+    """Which of the corrections that are `tried` makes the measurements fit; a number, which processes can exchange."""
+    possible, claimed = tried(alignment, trajectories, log, settings)
+    inputs = _of_pair(alignment, trajectories, log)
+    gains = np.array([_gain(claimed, correction, inputs, quick_settings(settings)) for correction in possible])
+    return int(np.argmax(gains)) if gains.max(initial=-np.inf) > LIKELIER else None
+
+
+def tried(
+    alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog, settings: AlignmentSettings
+) -> tuple[list[Correction], FrameAlignment]:
+    """All corrections of two robots' measurements that are tried, and their alignment without any."""
+    inputs, quick = _of_pair(alignment, trajectories, log), quick_settings(settings)
     claimed = _aligned(inputs, quick)
     if claimed.best is None:
-        return None
-    tried = corrections(a, b, inputs[1])
-    tried += _constant_errors(claimed.best.T_a_b, inputs, quick)
-    gains = np.array([_gain(claimed, correction, inputs, quick) for correction in tried])
-    best = int(np.argmax(gains))
-    return tried[best] if gains[best] > LIKELIER else None
+        return [], claimed
+    possible = corrections(alignment.robot_a, alignment.robot_b, inputs[1])
+    return possible + _constant_errors(claimed.best.T_a_b, inputs, quick), claimed
 
 
 def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
@@ -76,11 +89,25 @@ def with_fault(alignment: FrameAlignment, correction: Correction | None) -> Fram
     )
 
 
-def _between(a: str, b: str, log: WirelessLog) -> WirelessLog:
-    return WirelessLog(
-        tuple(m for m in log.measurements if {m.receiver, m.transmitter} == {a, b}),
-        tuple(h for h in log.headings if h.robot in {a, b}),
-    )
+def _of_pair(alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog) -> RadioInputs:
+    pair = alignment.robot_a, alignment.robot_b
+    return {robot: trajectories[robot] for robot in pair}, between(log, {pair})[pair]
+
+
+def between(log: WirelessLog, pairs: Collection[tuple[str, str]]) -> dict[tuple[str, str], WirelessLog]:
+    """By two robots, what they measured of each other, and their headings."""
+    measured: dict[tuple[str, str], list[WirelessMeasurement]] = {pair: [] for pair in pairs}
+    for m in log.measurements:
+        for pair in ((m.receiver, m.transmitter), (m.transmitter, m.receiver)):
+            if pair in measured:
+                measured[pair].append(m)
+    headings: dict[str, list[Heading]] = {}
+    for heading in log.headings:
+        headings.setdefault(heading.robot, []).append(heading)
+    return {
+        (a, b): WirelessLog(tuple(own), tuple(h for robot in (a, b) for h in headings.get(robot, ())))
+        for (a, b), own in measured.items()
+    }
 
 
 def _links(inputs: RadioInputs, settings: AlignmentSettings) -> Links:

@@ -24,7 +24,7 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 
 _MOST_ROBOTS = 4  # of larger teams there are too many orders to try
 _SIGMAS = 4.0
-_MIXED_UP = 0.02  # share of logs in which names stand in one of the other orders
+_MIXED_UP = 0.02  # odds of each other order of the names
 
 
 def contradictions(

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from wiclosure import se3
 from wiclosure.errors import InputError, WiclosureError
-from wiclosure.formats.wsr import AoaNoise, WsrProfile, read_wsr_profiles
+from wiclosure.formats.radio.wsr import AoaNoise, WsrProfile, read_wsr_profiles
 from wiclosure.types import FloatArray
 
 _MIN_PROFILES = 20

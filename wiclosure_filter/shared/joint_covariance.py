@@ -17,7 +17,10 @@ from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet, Indep
 from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # Robots whose rows are kept: those that meet one robot also meet the next, where robots are numbered as they lie.
-MOST_KEPT = 64
+MOST_KEPT = 32
+MOST_BYTES = (
+    1 << 28
+)  # of what systematic errors add to robots: costs more to compute than the rows, and takes less room
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,7 @@ class JointCovariance:
     turn: FloatArray
     errors: IndependentErrors = field(default_factory=IndependentErrors)
     _kept: OrderedDict[int, Rows] = field(default_factory=OrderedDict, repr=False)
+    _added: OrderedDict[int, tuple[FloatArray, IntArray]] = field(default_factory=OrderedDict, repr=False)
 
     def widened(
         self, sets: Mapping[tuple[int, int], ErrorSet], near: Mapping[int, set[tuple[int, int]]]
@@ -47,10 +51,12 @@ class JointCovariance:
             near: by robot, whose errors count for it; between two robots count those that count for both.
         """
         errors = IndependentErrors.of(sets, near)
-        return replace(self, errors=errors, _kept=OrderedDict())
+        return replace(self, errors=errors, _kept=OrderedDict(), _added=OrderedDict())
 
     def of_pairs(self, a: int, n: IntArray, b: int, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Covariances `(M, 6, 6)` of poses n of robot a, of these with poses m of robot b, and of the latter."""
+        if len(n) == 0:
+            return np.zeros((0, 6, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, 6))
         (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
         own_a, cross, own_b = self._rows(a, rows).joint(self._rows(b, columns), slice(0, 6))
         return own_a[of_n], cross[of_n, of_m], own_b[of_m]
@@ -67,10 +73,21 @@ class JointCovariance:
 
     def _rows(self, robot: int, poses: IntArray) -> Rows:
         values, places = self.root.rows(poses)
-        effects, names = self.errors.at(robot, values, places)
+        effects, names = self._effects(robot)
         turn = np.zeros((len(poses), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
-        return Rows(turn @ values, places, turn @ effects, names)
+        return Rows(turn @ values, places, turn @ effects[poses - self.first[robot]], names)
+
+    def _effects(self, robot: int) -> tuple[FloatArray, IntArray]:
+        """What systematic errors add to all poses of a robot, and their numbers, see `IndependentErrors.at`."""
+        found = self._added.pop(robot, None)
+        if found is None:
+            found = self.errors.at(robot, *self.root.rows(np.arange(self.first[robot], self.first[robot + 1])))
+        self._added[robot] = found
+        kept = sum(effects.nbytes for effects, _ in self._added.values())
+        while kept > MOST_BYTES and len(self._added) > 1:
+            kept -= self._added.popitem(last=False)[1][0].nbytes
+        return found
 
 
 @dataclass(frozen=True, eq=False)

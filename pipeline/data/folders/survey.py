@@ -12,9 +12,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from wiclosure.errors import InputError, WiclosureError
-from wiclosure.formats.pose_columns import pose_columns
 from wiclosure.formats.text_table import TextTable, is_number, open_table
-from wiclosure.formats.trajectory_file import read_trajectory, trajectory_kind
+from wiclosure.formats.trajectories.pose_columns import pose_columns
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory, trajectory_kind
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE
 from wiclosure.pipeline.radio.presets import preset_of_header
 from wiclosure.pipeline.radio.readers.column_names import guess

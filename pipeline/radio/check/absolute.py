@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 
-from wiclosure.formats.radio_units import AzimuthZero
+from wiclosure.formats.radio.radio_units import AzimuthZero
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.source import RadioSource
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio_units import LengthUnit
+from wiclosure.formats.radio.radio_units import LengthUnit
 from wiclosure.pipeline.radio.check.absolute import absolute
 from wiclosure.pipeline.radio.check.bearings import check_bearings
 from wiclosure.pipeline.radio.check.clock import Span, check_clock, check_overlap, common_span

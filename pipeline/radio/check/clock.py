@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wiclosure.formats.epochs import other_epoch
-from wiclosure.formats.radio_units import NANOSECONDS, TimeUnit
+from wiclosure.formats.radio.radio_units import NANOSECONDS, TimeUnit
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples
 from wiclosure.pipeline.radio.check.range_fit import FEWEST, RangeFit, fit_ranges, refit

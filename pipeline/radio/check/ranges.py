@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.formats.radio_units import METRES, LengthUnit
+from wiclosure.formats.radio.radio_units import METRES, LengthUnit
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.check.geometry import PairSamples
 from wiclosure.pipeline.radio.check.range_fit import FEWEST, RangeFit, fit_ranges

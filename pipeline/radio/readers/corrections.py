@@ -6,7 +6,7 @@ import logging
 from dataclasses import replace
 from decimal import Decimal
 
-from wiclosure.formats.radio_units import azimuth_rad, elevation_rad, metres
+from wiclosure.formats.radio.radio_units import azimuth_rad, elevation_rad, metres
 from wiclosure.pipeline.radio.readers.tag_names import TagNames
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement

@@ -2,63 +2,36 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from decimal import Decimal
 from statistics import median
-from typing import Any, cast
-
-import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio_units import (
-    METRES,
-    LengthUnit,
-    azimuth_rad,
-    elevation_rad,
-    metres,
-    radians,
-    stamp_ns,
-    stamp_unit_of,
-)
 from wiclosure.formats.stamps import few_digits
-from wiclosure.formats.text_table import is_number, number_of
-from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
+from wiclosure.formats.text_table import is_number
 from wiclosure.pipeline.radio.readers.account import (
     ANCHOR,
     DEGREES,
     EMPTY,
     FAR,
     INVALID,
-    LIMITS,
     REPEATED,
     SAME,
     UNKNOWN,
     UNREADABLE,
     Account,
 )
-from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row, Values
+from wiclosure.pipeline.radio.readers.quantities import LeftOut, bearing_of, measured_at_ns, range_of
+from wiclosure.pipeline.radio.readers.rows import Row, Values
 from wiclosure.pipeline.radio.readers.tag_names import TagNames, canonical, tag_text
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement
+from wiclosure.types import WirelessLog, WirelessMeasurement
 
 _MOST_BAD = 0.5  # of the rows: with more that cannot be read, the file is not what its mapping says
 _SELDOM_M = 300.0  # of ranges whose unit nobody stated
 _COARSE = 0.5  # of the rows: with more whose times lost their digits, and which share few, the log has no times
 _MOST_BEYOND = 0.05  # of the rows: angles of radians stay within a turn, those of degrees seldom do
 _FALSE = {"", "0", "0.0", "false", "no", "f", "n"}
-
-
-_WITH_UNIT = re.compile(r"(?P<number>[-+.,\d]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)")
-_TURN_RAD = 2 * math.pi + 1e-6
-
-
-class _LeftOut(Exception):  # noqa: N818  -- no error: a reading that is none
-    def __init__(self, reason: str, detail: str = "") -> None:
-        super().__init__(detail)
-        self.reason = reason
 
 
 def interpret(
@@ -85,9 +58,9 @@ def interpret(
         account.rows += 1
         try:
             if row.problem is not None:
-                raise _LeftOut(UNREADABLE, row.problem)
+                raise LeftOut(UNREADABLE, row.problem)
             measurement = _measurement(row.values, source, names, account)
-        except _LeftOut as left:
+        except LeftOut as left:
             account.leave_out(left.reason, row.place, str(left))
         except (InputError, ValueError, TypeError) as error:
             account.leave_out(UNREADABLE, row.place, str(error))
@@ -154,19 +127,19 @@ def _refuse_lost_times(account: Account, coarse: Counter[str]) -> None:
 
 def _measurement(values: Values, source: RadioSource, names: TagNames, account: Account) -> WirelessMeasurement:
     if _is_false(values.get("valid", True)):
-        raise _LeftOut(INVALID)
+        raise LeftOut(INVALID)
     receiver, transmitter = _robots(values, source, names, account)
-    range_m, sigma_m = _range(values, source)
-    path, reach_m = _bearing(values, source)
+    range_m, sigma_m = range_of(values, source)
+    path, reach_m = bearing_of(values, source)
     if range_m is None and source.take != "bearing":
         range_m = reach_m
     if range_m is None and path is None:
-        raise _LeftOut(EMPTY)
+        raise LeftOut(EMPTY)
     if range_m is not None and range_m > source.max_range:
-        raise _LeftOut(FAR, f"{range_m:g} m")
+        raise LeftOut(FAR, f"{range_m:g} m")
     arms = {canonical(tag): arm for tag, arm in source.lever_arms.items()}
     return WirelessMeasurement(
-        stamp_ns=_stamp_ns(values, source, account),
+        stamp_ns=measured_at_ns(values, source, account),
         receiver=receiver,
         transmitter=transmitter,
         range_m=range_m,
@@ -187,7 +160,7 @@ def _robots(values: Values, source: RadioSource, names: TagNames, account: Accou
             robots.append(given)
         elif tag is None or str(tag).strip() == "":
             role = "receiver" if key == "from" else "transmitter"
-            raise _LeftOut(UNREADABLE, f"nothing says who the {role} is; name its field as {key}, or give {role}")
+            raise LeftOut(UNREADABLE, f"nothing says who the {role} is; name its field as {key}, or give {role}")
         elif (robot := names.robot(tag)) is not None:
             robots.append(robot)
         else:
@@ -195,109 +168,10 @@ def _robots(values: Values, source: RadioSource, names: TagNames, account: Accou
     if strangers:
         unknown = [tag for tag in strangers if not names.is_anchor(tag)]
         account.ids.update(unknown)
-        raise _LeftOut(UNKNOWN if unknown else ANCHOR)
+        raise LeftOut(UNKNOWN if unknown else ANCHOR)
     if robots[0] == robots[1]:
-        raise _LeftOut(SAME)
+        raise LeftOut(SAME)
     return robots[0], robots[1]
-
-
-def _stamp_ns(values: Values, source: RadioSource, account: Account) -> int:
-    raw = values.get("stamp")
-    offset_ns = round(Decimal(str(source.time_offset)) * 10**9)
-    if isinstance(raw, ReceivedAt):
-        return raw.stamp_ns + offset_ns
-    if isinstance(raw, tuple) and not is_number(str(raw[0]).strip()):
-        return stamp_ns("T".join(str(part).strip() for part in raw), "auto") + offset_ns
-    if isinstance(raw, tuple):
-        seconds, nanoseconds = (int(number_of(str(part))) for part in raw)
-        return seconds * 10**9 + nanoseconds + offset_ns
-    if raw is None or str(raw).strip() == "":
-        raise ValueError("no time")
-    text = str(raw).strip()
-    if source.stamp_unit == "auto":
-        try:
-            unit = stamp_unit_of(Decimal(text))
-            account.note(f"stamps are read as {unit}; state stamp_unit where that is wrong")
-        except ArithmeticError:
-            account.note("stamps are read as dates, UTC where no zone is named")
-    return stamp_ns(text, source.stamp_unit) + offset_ns
-
-
-def _range(values: Values, source: RadioSource) -> tuple[float | None, float]:
-    """Range and its sigma, metres; None where the cell is empty or holds what drivers write for a failure."""
-    text, unit = _unit_of_cell(values.get("range"), source.unit)
-    raw = _number(text, "range")
-    if raw is None or raw <= 0:
-        return None, _sigma_m(values, source)
-    low, high = (_number(values.get(key), key) for key in ("range_low", "range_high"))
-    if (low is not None and raw < low) or (high is not None and 0 < high < raw):
-        raise _LeftOut(LIMITS, f"{raw:g}")
-    return max(metres(raw, unit) + source.range_offset, 0.0), _sigma_m(values, source)
-
-
-def _unit_of_cell(cell: object, usual: LengthUnit) -> tuple[object, LengthUnit]:
-    """A cell without the unit that it states, as `3.25 m` and `3250mm`, and the unit."""
-    match = _WITH_UNIT.fullmatch(cell.strip()) if isinstance(cell, str) else None
-    if match is None or match["unit"] not in METRES:
-        return cell, usual
-    return match["number"], cast("LengthUnit", match["unit"])
-
-
-def _sigma_m(values: Values, source: RadioSource) -> float:
-    if isinstance(source.range_sigma, float):
-        return source.range_sigma
-    sigma = _number(values.get("range_sigma"), "range_sigma")
-    variance = _number(values.get("range_variance"), "range_variance")
-    if sigma is not None and sigma < 0:
-        raise ValueError(f"range_sigma is {sigma:g}; it must be > 0")
-    if sigma is None and variance is not None and variance > 0:
-        sigma = math.sqrt(variance)
-    return metres(sigma, source.unit) if sigma else DEFAULT_RANGE_SIGMA_M
-
-
-def _bearing(values: Values, source: RadioSource) -> tuple[AoaPath | None, float | None]:
-    """Direction of the other, and its distance where a position says both."""
-    sigma = source.bearing_sigma
-    if not isinstance(sigma, float):
-        found = _number(values.get("bearing_sigma"), "bearing_sigma")
-        sigma = 0.1745 if not found else radians(found, source.angle_unit)
-    position = [_number(values.get(axis), axis) for axis in "xyz"]
-    if position[0] is not None and position[1] is not None:
-        x, y, z = (metres(value or 0.0, source.unit) for value in position)
-        reach_m = math.hypot(x, y, z)
-        if reach_m == 0:
-            return None, None
-        elevation = None if position[2] is None else math.atan2(z, math.hypot(x, y))
-        return AoaPath(math.atan2(y, x), sigma, elevation=elevation), max(reach_m + source.range_offset, 0.0)
-    azimuth = _number(values.get("azimuth"), "azimuth")
-    if azimuth is None:
-        return None, None
-    elevation = _number(values.get("elevation"), "elevation")
-    if source.angle_unit == "rad" and max(abs(azimuth), abs(elevation or 0.0)) > _TURN_RAD:
-        raise _LeftOut(DEGREES, f"{max(azimuth, elevation or 0.0, key=abs):g}")
-    return AoaPath(
-        azimuth_rad(azimuth, source.angle_unit, source.azimuth_zero, clockwise=source.clockwise),
-        sigma,
-        elevation=None if elevation is None else elevation_rad(elevation, source.angle_unit, source.elevation_zero),
-    ), None
-
-
-def _number(raw: Any, key: str) -> float | None:
-    """A finite number; None where there is none."""
-    if raw is None:
-        return None
-    if isinstance(raw, str):
-        if not raw.strip() or raw.strip().casefold() in {"na", "none", "null", "-"}:
-            return None
-        try:
-            value = number_of(raw.strip())
-        except ValueError as error:
-            raise ValueError(f"{key} is {raw.strip()[:40]!r}; expected a number") from error
-    elif isinstance(raw, int | float | np.number | np.bool_):
-        value = float(raw)
-    else:
-        raise TypeError(f"{key} is {str(raw)[:40]!r}; expected a number")
-    return value if math.isfinite(value) else None
 
 
 def _is_false(raw: object) -> bool:

@@ -99,8 +99,9 @@ def text_numbers(path: Path, body: bytes, count: int, per_point: int) -> FloatAr
     Raises:
         InputError: there are fewer, or something that is no number.
     """
-    words = body.split(None, count * per_point)[: count * per_point]
-    if len(words) < count * per_point:
+    needed = count * per_point
+    words = body.split(None, needed)[:needed] if needed <= len(body) else body.split()  # each takes a byte or more
+    if len(words) < needed:
         there = len(words) // max(per_point, 1)
         raise InputError(f"{path} is cut short: {count} points are announced, {there} there; copy or remove it")
     try:

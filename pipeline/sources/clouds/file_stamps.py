@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wiclosure.formats.radio_units import TimeUnit, stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of
 from wiclosure.formats.stamps import nanoseconds
 from wiclosure.types import IntArray
 

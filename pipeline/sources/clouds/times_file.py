@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.radio.radio_units import stamp_ns
 from wiclosure.formats.stamps import few_digits
 from wiclosure.types import IntArray
 

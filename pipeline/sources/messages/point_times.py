@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wiclosure.formats.epochs import UNIX, Epoch, epochs_at
-from wiclosure.formats.radio_units import NANOSECONDS
+from wiclosure.formats.radio.radio_units import NANOSECONDS
 from wiclosure.pipeline.sources.messages.wrapped_times import counter_range, unwrapped
 from wiclosure.types import FloatArray
 

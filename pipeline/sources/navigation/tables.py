@@ -11,7 +11,7 @@ import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_rows
-from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.radio.radio_units import stamp_ns
 from wiclosure.formats.text_table import number_of, open_table
 from wiclosure.pipeline.sources.navigation.gnss_topics import GNSS_BOUNDS, UNKNOWN_SIGMA_M
 from wiclosure.pipeline.sources.navigation.imu_topics import FASTEST_RAD_S, STRONGEST_M_S2

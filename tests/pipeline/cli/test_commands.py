@@ -26,8 +26,8 @@ EXECUTABLE = str(Path(sys.executable).with_name("wiclosure"))  # that of the env
 
 @pytest.fixture(autouse=True)
 def same_signals() -> Iterator[None]:
-    """`main` has SIGTERM and SIGHUP end a command as Ctrl-C does: only here, not in the tests that follow."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    """`main` listens to signals that end it: only here, not in the tests that follow."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -77,6 +77,31 @@ def test_how_commands_end(
     ended, out, err = wiclosure("cache")
     assert (ended, out) == (code, "")
     assert says in err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interruption_while_a_module_in_c_loads_is_one(
+    wiclosure: Call, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    def fail() -> None:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None  # as gtsam says it
+
+    monkeypatch.setattr(cache, "default_cache_folder", fail)
+    ended, out, err = wiclosure("cache")
+    assert (ended, out) == (INTERRUPTED, "")
+    assert err.startswith("interrupted: nothing is written")
+
+
+def test_a_module_that_cannot_be_loaded_is_no_interruption(wiclosure: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise ImportError("initialization failed")
+
+    monkeypatch.setattr(cache, "default_cache_folder", fail)
+    with pytest.raises(ImportError, match="initialization failed"):
+        wiclosure("cache")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.team import read_graphs
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.report.html.page import read_page
 

@@ -13,7 +13,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.team import read_graphs
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline import cli
 
 FALSE = se3.from_yaw(2.0, np.array([15.0, -9.0, 0.0]))

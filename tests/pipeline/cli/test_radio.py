@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import read_wireless_log
+from wiclosure.formats.radio.wireless_log import read_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline import cli
 from wiclosure.types import Trajectory
 

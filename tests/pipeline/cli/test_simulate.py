@@ -14,7 +14,7 @@ import pytest
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.cli.simulate import ScenarioOptions
 from wiclosure.pipeline.data.dataset import load_dataset
-from wiclosure.pipeline.data.scenario_source import scenario_settings
+from wiclosure.pipeline.data.scenarios.scenario_source import scenario_settings
 from wiclosure.simulation import make_scenario
 from wiclosure.simulation.radio import RadioSettings
 

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.kitti_poses import write_kitti_poses
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.kitti_poses import write_kitti_poses
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset import Dataset, load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag

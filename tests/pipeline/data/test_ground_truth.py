@@ -112,3 +112,9 @@ def test_the_clock_of_ground_truth_that_does_not_overlap_is_named(tmp_path: Path
     (tmp_path / "a.tum").write_text("".join(f"{1_384_035_218 + k / 10:.3f} {k} 0 0 0 0 0 1\n" for k in range(20)))
     with pytest.raises(InputError, match=r"fit as seconds since 1980 \(GPS time\): add 315964782 to them"):
         recorded_ground_truth("alpha", RobotRecording(tmp_path / "08", ground_truth=tmp_path / "a.tum"))
+
+
+def test_a_name_that_no_file_can_have_is_none(tmp_path: Path) -> None:
+    folder = kitti(tmp_path, 4, "")
+    with pytest.raises(InputError, match="does not exist"):
+        recorded_ground_truth("alpha", RobotRecording(folder, ground_truth=tmp_path / ("9" * 5000)))

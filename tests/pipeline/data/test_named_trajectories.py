@@ -5,7 +5,7 @@ import pytest
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.named_trajectories import named_trajectories
 from wiclosure.types import Trajectory
 

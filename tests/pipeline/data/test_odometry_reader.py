@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_file import write_dataset

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.open_inputs import open_inputs

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.radio_check import log_and_trajectories
 from wiclosure.pipeline.radio.source import RadioSource

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.formats.tum import read_tum
-from wiclosure.formats.wireless_log import read_wireless_log
+from wiclosure.formats.radio.wireless_log import read_wireless_log
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair, places
 from wiclosure.pipeline.mutual_check.odds import Verdict

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.wireless_log import read_wireless_log, write_wireless_log
+from wiclosure.formats.radio.wireless_log import read_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
 from wiclosure.pipeline.radio.read import RadioReading, read_radio
 from wiclosure.pipeline.radio.words import sources_of_words
 from wiclosure.types import AoaPath, WirelessLog, WirelessMeasurement

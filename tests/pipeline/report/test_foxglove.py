@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from wiclosure import se3
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.report.foxglove import write_mcap
 from wiclosure.pipeline.stages.run_folder import write_run
 from wiclosure.pipeline.stages.run_result import RunResult

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import ConfigError, InputError
-from wiclosure.formats.radio_units import LengthUnit
+from wiclosure.formats.radio.radio_units import LengthUnit
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.sources.open import open_source

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.report.html.page import read_page
 from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses

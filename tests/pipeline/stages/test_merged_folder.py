@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.formats.kitti_poses import read_kitti_poses
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.stages.merged_folder import OPTIMISED_COLUMNS, summary, write_merged
 from wiclosure.pipeline.stages.optimising import merge_graphs

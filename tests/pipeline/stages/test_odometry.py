@@ -12,11 +12,15 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError, ProcessError
+from wiclosure.frontends.front_end import OdometryRun
+from wiclosure.frontends.front_end_result import FrontEndResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.inputs import RobotInput
 from wiclosure.pipeline.data.open_inputs import open_inputs
+from wiclosure.pipeline.runtime import checkpoints
 from wiclosure.pipeline.runtime.cache import StageCache
+from wiclosure.pipeline.runtime.checkpoints import Checkpoints
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends, odometry_settings, remarks
 from wiclosure.types import Scan, Trajectory
@@ -222,3 +226,56 @@ def test_scans_have_poses_at_their_own_stamps() -> None:
     assert front.scans.stamps_ns.tolist() == [scan.stamp_ns for scan in scans]
     assert front.odometry.stamps_ns.tolist() == [scan.stamp_ns + 10**8 for scan in scans]
     np.testing.assert_allclose(front.scans.poses, way.at(front.scans.stamps_ns), atol=1e-9)
+
+
+class Ending(Listed):
+    """Scans whose reader dies before one of them, and counts those that it gave."""
+
+    def __init__(self, scans: Sequence[Scan], before: int | None) -> None:
+        super().__init__(scans, len(scans))
+        self._before = before
+
+    def __iter__(self) -> Iterator[Scan]:
+        for number, scan in enumerate(self._scans):
+            if number == self._before:
+                raise InterruptedError("the worker is gone")
+            yield scan
+
+
+def test_odometry_goes_on_from_its_last_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoints, "LEAST_S", 0.0)
+    monkeypatch.setattr(checkpoints, "_REST", 0.0)
+    settings = {"keyframes": {"distance_m": 1e-6, "scans": 2}}
+    config, cache = Config.model_validate(settings), StageCache(tmp_path)
+    registered: list[int] = []
+    process = OdometryRun.process
+
+    def counted(run: OdometryRun, scan: Scan) -> bool:
+        registered.append(scan.stamp_ns)
+        return process(run, scan)
+
+    monkeypatch.setattr(OdometryRun, "process", counted)
+
+    def odometry(before: int | None, kept: StageCache) -> FrontEndResult:
+        scans = Ending(SCANS, before)
+        one = RobotInput("alpha", scans, ["alpha"], None)
+        return front_ends([one], config, cache=kept, jobs=1, progress=NoProgress())[0]["alpha"]
+
+    whole = odometry(None, StageCache(None))
+    registered.clear()
+    with pytest.raises(InterruptedError):
+        odometry(3, cache)
+    assert [stock.stage for stock in cache.stock()] == ["checkpoint"]
+    resumed = odometry(None, cache)
+    assert registered == [scan.stamp_ns for scan in SCANS]  # each once
+    assert resumed.odometry.poses.tobytes() == whole.odometry.poses.tobytes()
+    assert [cloud.tobytes() for cloud in resumed.clouds] == [cloud.tobytes() for cloud in whole.clouds]
+    assert resumed.counts == whole.counts
+    assert "checkpoint" not in {stock.stage for stock in cache.stock()}
+
+
+def test_a_damaged_checkpoint_begins_anew(tmp_path: Path) -> None:
+    kept = Checkpoints(OdometryRun, StageCache(tmp_path), "alpha")
+    StageCache(tmp_path).keep("checkpoint", "alpha", b"no pickle", save=lambda some, path: path.write_bytes(some))
+    assert kept.last() is None
+    assert not list(tmp_path.iterdir())

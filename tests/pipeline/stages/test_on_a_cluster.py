@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure.errors import ConfigError
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.data.scenario_source import scenario_inputs
+from wiclosure.pipeline.data.scenarios.scenario_source import scenario_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.cluster import Cluster, cluster
 from wiclosure.pipeline.runtime.progress import NoProgress

@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.formats.trajectories.tum import read_tum, write_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.dataset_writer import write_ros2_bag
 from wiclosure.pipeline.data.open_inputs import open_inputs

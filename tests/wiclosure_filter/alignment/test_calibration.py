@@ -82,6 +82,13 @@ def test_correcting_undoes_the_errors(make_case: Callable[..., object]) -> None:
     np.testing.assert_allclose(corrected.b - same.b, 0.5 * errors.velocity_b)
 
 
+def test_a_blunder_of_which_the_prior_keeps_the_estimate_is_likely() -> None:
+    # 3 m are measured to 0.6 m, and the prior of 0.3 m leaves 0.6 m of them: 3.6 usual sizes, or one of a blunder.
+    assert Calibration("range bias", "m", 0.6, 0.268, 0.3).log_blunder > 3.0
+    assert Calibration("range bias", "m", 0.06, 0.268, 0.3).log_blunder <= 0.0
+    assert Calibration("range bias", "m", 0.7, 0.1, 0.3).log_blunder == 0.0  # the estimate has followed
+
+
 def test_extraordinary_errors_are_far_beyond_prior_and_sigma() -> None:
     assert Calibration("range bias", "m", 1.0, 0.1, 0.3).extraordinary
     assert not Calibration("range bias", "m", 0.8, 0.1, 0.3).extraordinary

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.formats.wsr import AoaNoise, WsrProfile
+from wiclosure.formats.radio.wsr import AoaNoise, WsrProfile
 from wiclosure.wiclosure_filter.links.noise_model import fit_noise_model, main
 
 

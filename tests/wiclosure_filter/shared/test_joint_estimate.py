@@ -63,6 +63,13 @@ def test_misfit_tells_links_from_places_that_they_contradict() -> None:
     assert elsewhere.misfit(nodes.links["a", "b"], *nodes.ends["a", "b"]) > 3.0
 
 
+def test_of_no_pairs_nothing_is_predicted() -> None:
+    found, _, _ = joint(FRAMES["b"])
+    none = np.zeros(0, np.int64)
+    T_a_b, covariance = found.relative_poses("a", none, "b", none)
+    assert (T_a_b.shape, covariance.shape) == ((0, 4, 4), (0, 6, 6))
+
+
 def test_models_and_relative_poses_tell_the_same_displacement() -> None:
     found, _, _ = joint(FRAMES["b"])
     (model,) = found.models("a", "b")
@@ -75,3 +82,12 @@ def test_models_and_relative_poses_tell_the_same_displacement() -> None:
     ratio = np.trace(model.covariance(p, k), axis1=1, axis2=2) / np.trace(covariance[:, 3:5, 3:5], axis1=1, axis2=2)
     assert (ratio > 0.5).all()
     assert (ratio < 3.0).all()
+
+
+def test_no_pairs_have_no_relative_poses() -> None:
+    """As of a run in which no two places look alike."""
+    found, _, _ = joint(FRAMES["b"])
+    none = np.zeros(0, np.int64)
+    T_a_b, covariance = found.relative_poses("a", none, "b", none)
+    assert T_a_b.shape == (0, 4, 4)
+    assert covariance.shape == (0, 6, 6)

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from wiclosure.errors import InputError
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag

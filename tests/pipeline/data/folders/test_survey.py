@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.formats.tum import write_tum
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag
 from wiclosure.pipeline.data.folders.survey import is_recording, survey, survey_file
 from wiclosure.types import Scan, Trajectory

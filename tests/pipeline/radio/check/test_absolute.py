@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from wiclosure.formats.radio_units import azimuth_rad
+from wiclosure.formats.radio.radio_units import azimuth_rad
 from wiclosure.pipeline.radio.check.absolute import absolute
 from wiclosure.pipeline.radio.check.finding import Finding
 from wiclosure.pipeline.radio.source import RadioSource

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from wiclosure.pipeline.radio.check.range_fit import FEWEST, fit_ranges, refit
@@ -76,6 +76,7 @@ def test_a_fit_is_followed_while_the_data_move():
 
 
 @settings(max_examples=15)
+@example(seed=36205, height=3.0, wavy=False)  # the best of the linear starts has no height
 @given(seed=st.integers(0, 10**6), height=st.sampled_from([-12.0, 3.0, 8.0, 30.0]), wavy=st.booleans())
 def test_robots_on_flat_floors_of_different_height(seed, height, wavy):
     a, b, _, yaw, translation = world(seed)

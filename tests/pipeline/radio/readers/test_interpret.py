@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.formats.wireless_log import DEFAULT_RANGE_SIGMA_M
+from wiclosure.formats.radio.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.pipeline.radio.readers.account import (
     ANCHOR,
     EMPTY,

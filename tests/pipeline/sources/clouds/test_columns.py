@@ -52,3 +52,9 @@ def test_numbers_in_text() -> None:
         text_numbers(CLOUD, b"1 2 3 4 5", 3, 2)
     with pytest.raises(InputError, match="holds what is no number"):
         text_numbers(CLOUD, b"1 2 x 4", 2, 2)
+
+
+@pytest.mark.parametrize("count", [3, 10**40])
+def test_fewer_numbers_than_announced_are_said(count: int) -> None:
+    with pytest.raises(InputError, match=rf"a\.pcd is cut short: {count} points are announced, 2 there"):
+        text_numbers(Path("a.pcd"), b"1 2 3 4 5 6 7", count, 3)

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.wireless_log import read_wireless_log, write_wireless_log
+from wiclosure.formats.radio.wireless_log import read_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
 from wiclosure.types import AoaPath, Heading, WirelessLog, WirelessMeasurement
 
 GOOD = (

@@ -14,8 +14,8 @@ from wiclosure.pipeline.cli import app
 from wiclosure.pipeline.config import Config, load_config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.open_inputs import open_inputs
-from wiclosure.pipeline.data.scenario_source import read_scenario_word, scenario_inputs
-from wiclosure.pipeline.data.scenario_writer import RECORDERS, write_scenario
+from wiclosure.pipeline.data.scenarios.scenario_source import read_scenario_word, scenario_inputs
+from wiclosure.pipeline.data.scenarios.scenario_writer import RECORDERS, write_scenario
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages

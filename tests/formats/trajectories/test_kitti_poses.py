@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError, OutputError
-from wiclosure.formats.kitti_poses import read_kitti_poses, write_kitti_poses
-from wiclosure.formats.radio_units import stamp_ns
-from wiclosure.formats.trajectory_file import read_trajectory
+from wiclosure.formats.radio.radio_units import stamp_ns
+from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses, write_kitti_poses
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory
 
 
 def test_poses_come_back_to_the_last_digit(tmp_path: Path) -> None:

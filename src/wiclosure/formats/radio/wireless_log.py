@@ -1,4 +1,4 @@
-"""Wireless logs: JSON Lines, one measurement or heading a line.
+"""Wireless logs, read: JSON Lines, one measurement or heading a line.
 
 ```
 {"type":"wireless","stamp":12.300,"receiver":"alpha","transmitter":"beta","range":23.41,"range_sigma":0.5,
@@ -11,7 +11,6 @@ Angles are radians, azimuth counter-clockwise from x forward, elevation up from 
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,19 +18,17 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
-from wiclosure.errors import InputError, OutputError
+from wiclosure.errors import InputError
 from wiclosure.formats.json_values import Record, name, number, optional, shown, vector
 from wiclosure.formats.plausible import LATEST_NS, few
-from wiclosure.formats.radio_units import AngleUnit, radians
-from wiclosure.formats.stamps import seconds_text
+from wiclosure.formats.radio.radio_units import AngleUnit, radians
 from wiclosure.formats.structured_text import parse_json
 from wiclosure.suggestions import did_you_mean
-from wiclosure.types import AoaPath, Heading, RangeError, WirelessLog, WirelessMeasurement
+from wiclosure.types import TURN_RAD, AoaPath, Heading, RangeError, WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
 
 DEFAULT_RANGE_SIGMA_M = 0.5  # of a range without `range_sigma`: UWB between moving robots
-_LARGEST_ANGLE_RAD = 2 * math.pi + 1e-6
 
 
 def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> WirelessLog:
@@ -68,22 +65,6 @@ def read_wireless_log(path: Path | str, *, angle_unit: AngleUnit = "rad") -> Wir
     return WirelessLog() + WirelessLog(tuple(measurements), tuple(headings))
 
 
-def write_wireless_log(path: Path | str, log: WirelessLog) -> None:
-    """Writes a wireless log in order of time; reading it again gives an equal log.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    records = [(m.stamp_ns, _measurement_line(m)) for m in log.measurements]
-    records += [(h.stamp_ns, _heading_line(h)) for h in log.headings]
-    records.sort(key=lambda record: record[0])
-    try:
-        Path(path).write_text("".join(f"{line}\n" for _, line in records), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write the wireless log {path}: {error.strerror}; check the folder") from error
-
-
-# ------------------------------------------------------------------------------------------------------------- reading
 def _leave_out(path: Path | str, odd: Sequence[str], total: int) -> None:
     """Says what is left out because of numbers that nothing real has; raises InputError where that is more than few."""
     if not few(len(odd), total):
@@ -192,7 +173,7 @@ def _path(entry: object) -> AoaPath:
             f'"elevation" is {shown(entry["elevation"])}; expected radians within -pi/2 and pi/2: for a log in degrees'
             " add angle_unit: deg"
         )
-    if abs(azimuth) > _LARGEST_ANGLE_RAD:  # warned of, not refused: it may be radians over several turns
+    if abs(azimuth) > TURN_RAD:  # warned of, not refused: it may be radians over several turns
         azimuth = math.remainder(azimuth, 2 * math.pi)
     return AoaPath(
         azimuth=azimuth,
@@ -238,7 +219,7 @@ class _Degrees:
 
     def check(self, line_number: int, angles: Iterable[float]) -> None:
         largest = max(angles, key=abs, default=0.0)
-        if abs(largest) > _LARGEST_ANGLE_RAD:
+        if abs(largest) > TURN_RAD:
             self.lines += 1
             if self.lines == 1:
                 self.first_line, self.example = line_number, largest
@@ -259,43 +240,3 @@ def _angles(record: Record) -> Iterator[float]:
     for path in record.get("paths") or ():
         yield float(path["azimuth"])
         yield float(path["sigma"])
-
-
-# ------------------------------------------------------------------------------------------------------------- writing
-def _measurement_line(measurement: WirelessMeasurement) -> str:
-    fields: dict[str, object] = {
-        "receiver": measurement.receiver,
-        "transmitter": measurement.transmitter,
-        "range": measurement.range_m,
-        "range_sigma": measurement.range_sigma_m,
-        "aoa_frame": measurement.aoa_frame,
-        "paths": [
-            {"azimuth": p.azimuth, "elevation": p.elevation, "sigma": p.sigma, "weight": p.weight}
-            for p in measurement.paths
-        ]
-        or None,
-    }
-    for key, arm in (
-        ("lever_arm_receiver", measurement.lever_arm_receiver),
-        ("lever_arm_transmitter", measurement.lever_arm_transmitter),
-    ):
-        if any(arm):
-            fields[key] = arm
-    stamps = {"stamp": measurement.stamp_ns}
-    if measurement.transmitter_stamp_ns is not None:
-        stamps["transmitter_stamp"] = measurement.transmitter_stamp_ns
-    return _line("wireless", stamps, fields)
-
-
-def _heading_line(heading: Heading) -> str:
-    return _line(
-        "heading",
-        {"stamp": heading.stamp_ns},
-        {"robot": heading.robot, "heading": heading.heading, "sigma": heading.sigma},
-    )
-
-
-def _line(kind: str, stamps_ns: Mapping[str, int], fields: Mapping[str, object]) -> str:
-    """One record; stamps are spelt out because JSON's floats cannot hold nanoseconds since 1970."""
-    stamps = ",".join(f'"{key}":{text}' for key, text in zip(stamps_ns, seconds_text(stamps_ns.values()), strict=True))
-    return f'{{"type":"{kind}",{stamps},{json.dumps(fields, separators=(",", ":"), allow_nan=False)[1:]}'

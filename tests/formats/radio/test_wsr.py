@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.formats.wsr import AoaNoise, read_wsr_matrix, read_wsr_profiles, wsr_wireless_log
+from wiclosure.formats.radio.wsr import AoaNoise, read_wsr_matrix, read_wsr_profiles, wsr_wireless_log
 
 
 def record(**changes: object) -> dict[str, object]:

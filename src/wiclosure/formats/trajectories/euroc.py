@@ -15,9 +15,9 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import LATEST_NS, LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.pose_columns import line_of_names, pose_columns
-from wiclosure.formats.radio_units import stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of
 from wiclosure.formats.text_table import encoding_of, is_number
+from wiclosure.formats.trajectories.pose_columns import line_of_names, pose_columns
 from wiclosure.types import Trajectory
 
 _ORDER = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.data.dataset import load_dataset
-from wiclosure.pipeline.data.scenario_writer import RECORDERS, require_format, write_scenario
+from wiclosure.pipeline.data.scenarios.scenario_writer import RECORDERS, require_format, write_scenario
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario

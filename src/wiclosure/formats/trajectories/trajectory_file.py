@@ -8,11 +8,11 @@ from typing import Literal, TypeAlias
 
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
-from wiclosure.formats.euroc import is_euroc, read_euroc
-from wiclosure.formats.kitti_poses import read_kitti_poses
 from wiclosure.formats.plausible import plausible_path
 from wiclosure.formats.text_table import encoding_of, is_number
-from wiclosure.formats.tum import read_tum
+from wiclosure.formats.trajectories.euroc import is_euroc, read_euroc
+from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses
+from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.types import Trajectory
 
 TrajectoryKind: TypeAlias = Literal["tum", "euroc", "kitti"]

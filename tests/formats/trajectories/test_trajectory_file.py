@@ -9,8 +9,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.euroc import read_euroc
-from wiclosure.formats.trajectory_file import read_trajectory, trajectory_kind
+from wiclosure.formats.trajectories.euroc import read_euroc
+from wiclosure.formats.trajectories.trajectory_file import read_trajectory, trajectory_kind
 
 EUROC = (
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], v_x\n"

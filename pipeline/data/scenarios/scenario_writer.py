@@ -10,8 +10,8 @@ from typing import TypeAlias
 from scipy.spatial.transform import Rotation
 
 from wiclosure.errors import ConfigError
-from wiclosure.formats.tum import write_tum
-from wiclosure.formats.wireless_log import write_wireless_log
+from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
+from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE, WIRELESS_FILE, write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.pipeline.data.navigation.writer import write_gnss_table, write_imu_table

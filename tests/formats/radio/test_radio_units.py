@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiclosure.formats.radio_units import (
+from wiclosure.formats.radio.radio_units import (
     METRES,
     NANOSECONDS,
     AzimuthZero,

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.stamps import nanoseconds, nanoseconds_of_column, seconds_text
-from wiclosure.formats.tum import read_tum, write_tum
+from wiclosure.formats.trajectories.tum import read_tum, write_tum
 from wiclosure.types import Trajectory
 
 

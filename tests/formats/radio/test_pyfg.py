@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.formats.pyfg import PyfgRange, read_pyfg_ranges
+from wiclosure.formats.radio.pyfg import PyfgRange, read_pyfg_ranges
 
 GRAPH = """\
 VERTEX_SE2 0.100000000 A0 0.000000 0.000000 0.0000000

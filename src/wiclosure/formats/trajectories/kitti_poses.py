@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import FURTHEST_M
-from wiclosure.formats.radio_units import stamp_ns
+from wiclosure.formats.radio.radio_units import stamp_ns
 from wiclosure.types import FloatArray, IntArray
 
 _SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.errors import InputError
-from wiclosure.formats.euroc import is_euroc, read_euroc
+from wiclosure.formats.trajectories.euroc import is_euroc, read_euroc
 
 START_NS = 1_403_636_580_838_555_648
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.formats.pose_columns import POSE, line_of_names, pose_columns
+from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
 
 PATH = Path("poses.txt")
 SCALAR_FIRST = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")

@@ -23,10 +23,10 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.pose_columns import POSE, line_of_names, pose_columns
-from wiclosure.formats.radio_units import stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.formats.text_table import encoding_of, is_number
+from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
 logger = logging.getLogger(__name__)

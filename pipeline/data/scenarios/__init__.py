@@ -1,0 +1,1 @@
+"""Simulated scenarios as data sets: read while they are made, or written."""

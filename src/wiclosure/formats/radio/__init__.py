@@ -1,0 +1,1 @@
+"""Radio logs in files, and the units in them."""

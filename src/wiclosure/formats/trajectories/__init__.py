@@ -1,0 +1,1 @@
+"""Trajectories in files: TUM, EuRoC, KITTI poses."""
