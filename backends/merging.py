@@ -108,6 +108,10 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     """Of what robots say within themselves; else of the sets between them."""
     most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
     known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
+    if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
+        fitting = sigma_scale.of_residuals(_own(robots, everything, limit).redundant, robots.degrees)
+        if fitting is not None and fitting <= sigma_scale.NO_MATTER:
+            return sigma_scale.settled(fitting, most)
     for _ in range(REFINEMENTS):
         if known is None:
             break

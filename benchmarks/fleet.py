@@ -136,22 +136,22 @@ def efficiency(scenario: str, scans: int) -> None:
 
 
 def killed(scenario: str, scans: int, kills: int, seed: int) -> None:
+    """One line for each kill as it comes: what is lost, and whether the result is the same to the last bit."""
     chance = random.Random(seed)
     with cluster("local:2") as workers:
         whole_run(scenario, scans, 1, workers)  # workers import what they need
         undisturbed, seconds = whole_run(scenario, scans, 1, workers)
-        lost, alike, retries = [], 0, workers.costs.retries
+        print(f"{scenario}, {scans} scans a robot: {seconds:.1f} s undisturbed; {load()}", flush=True)
         for _ in range(kills):
-            with _killing(workers, chance.uniform(0.0, 0.9 * seconds)):
+            after_s, retries = chance.uniform(0.0, 0.9 * seconds), workers.costs.retries
+            with _killing(workers, after_s):
                 disturbed, took = whole_run(scenario, scans, 1, workers)
-            lost.append(took - seconds)
-            alike += same(undisturbed, disturbed)
-        retries = workers.costs.retries - retries
-    print(
-        f"{scenario}, {scans} scans a robot: {kills} runs of {seconds:.1f} s, a worker killed in each:"
-        f" {alike} with the same result, {retries} tasks begun again; {np.median(lost):.1f} s lost (median), at most"
-        f" {max(lost):.1f} s; {load()}"
-    )
+            print(
+                f"a worker killed after {after_s:.1f} s: {took - seconds:.1f} s lost,"
+                f" {workers.costs.retries - retries} tasks begun again, same result: {same(undisturbed, disturbed)};"
+                f" {load()}",
+                flush=True,
+            )
 
 
 @contextmanager
@@ -161,7 +161,8 @@ def _killing(workers: Cluster, after_s: float) -> Iterator[None]:
     timer.start()
     yield
     timer.join()
-    time.sleep(3.0)  # until the worker is there again
+    while workers.count < len(pids):  # until it is there again
+        time.sleep(0.2)
 
 
 def memory(scenario: str, scans: int) -> None:

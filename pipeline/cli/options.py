@@ -166,8 +166,8 @@ def _limit_memory(text: str | None) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Working:
-    """How the work is done and shown."""
+class SideBySide:
+    """Who does the work."""
 
     jobs: Annotated[
         int,
@@ -175,7 +175,8 @@ class Working:
             "-j",
             "--jobs",
             min=1,
-            help="number of processes: one per robot for odometry, further ones read scans ahead; then registrations",
+            help="number of processes: one per robot for odometry, further ones read scans ahead; then pairs of robots,"
+            " and registrations",
         ),
     ] = 1
     cluster: Annotated[
@@ -194,6 +195,36 @@ class Working:
             "--cluster-tls", metavar="CA,CERT,KEY", help="PEM files for a tls:// scheduler", show_default=False
         ),
     ] = None
+
+    @contextmanager
+    def on_cluster(self) -> Iterator[Workers | None]:
+        """The cluster that is asked for, or None: then `jobs` processes work here.
+
+        Raises:
+            ConfigError: see `wiclosure.pipeline.runtime.cluster.cluster`; or options that do not go together.
+        """
+        self.require_together()
+        if self.cluster is None:
+            yield None
+            return
+        from wiclosure.pipeline.runtime.cluster import TlsFiles, cluster
+
+        tls = None if self.cluster_tls is None else TlsFiles.of_words(self.cluster_tls)
+        with cluster(self.cluster, tls) as workers:
+            yield workers
+
+    def require_together(self) -> None:
+        """Fails for options that do not go together."""
+        if self.cluster is None and self.cluster_tls is not None:
+            raise ConfigError("--cluster-tls goes with --cluster tls://HOST:PORT")
+        if self.cluster is not None and self.jobs > 1:
+            raise ConfigError("-j and --cluster are two ways to work side by side; give one of them")
+
+
+@dataclass(frozen=True, slots=True)
+class Working(SideBySide):
+    """How the work is done and shown."""
+
     memory: Annotated[
         str | None,
         typer.Option(
@@ -208,28 +239,11 @@ class Working:
     quiet: Quiet = False
     as_json: AsJson = False
 
-    @contextmanager
-    def on_cluster(self) -> Iterator[Workers | None]:
-        """The cluster that is asked for, or None: then `jobs` processes work here.
-
-        Raises:
-            ConfigError: see `wiclosure.pipeline.runtime.cluster.cluster`; or options that do not go together.
-        """
-        if self.cluster is None:
-            if self.cluster_tls is not None:
-                raise ConfigError("--cluster-tls goes with --cluster tls://HOST:PORT")
-            yield None
-            return
-        from wiclosure.pipeline.runtime.cluster import TlsFiles, cluster
-
-        if self.jobs > 1:
-            raise ConfigError("-j and --cluster are two ways to work side by side; give one of them")
-        if self.no_cache:
+    def require_together(self) -> None:
+        """See `SideBySide`; a cluster needs the cache."""
+        SideBySide.require_together(self)
+        if self.cluster is not None and self.no_cache:
             raise ConfigError("a cluster hands its results over by the cache; leave out --no-cache")
-        with cluster(
-            self.cluster, None if self.cluster_tls is None else TlsFiles.of_words(self.cluster_tls)
-        ) as workers:
-            yield workers
 
     @property
     def progress(self) -> Progress:

@@ -22,6 +22,7 @@ from wiclosure.pipeline.cli.options import (
     Result,
     Set,
     Showing,
+    SideBySide,
     Working,
     grouped,
     with_accepted_correction,
@@ -147,6 +148,7 @@ def filter_command(
     files: FilterFiles,
     *,
     choice: FilterChoice,
+    side_by_side: SideBySide,
     showing: Showing,
 ) -> None:
     """Choose candidate pairs from trajectories and radio alone: the filter as a plug-in for other pipelines.
@@ -160,13 +162,17 @@ def filter_command(
     from wiclosure.pipeline.report.tables import filter_table
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
+    from wiclosure.pipeline.runtime.processes import local_workers
     from wiclosure.pipeline.stages import filtering
 
     settings = choice.resolved()
     outputs = filtering.Outputs(files.out, files.summary, files.plot, overwrite=files.overwrite)
-    with warnings_on_terminal():
+    with warnings_on_terminal(), side_by_side.on_cluster() as cluster:
         logs = sources_of_words(wireless)
-        result = filtering.filter_candidates(trajectory, logs, config=settings, outputs=outputs, report=files.report)
+        workers = cluster or local_workers(side_by_side.jobs)
+        result = filtering.filter_candidates(
+            trajectory, logs, config=settings, outputs=outputs, report=files.report, workers=workers
+        )
     if showing.as_json:
         typer.echo(json.dumps(filter_summary(result), indent=2, allow_nan=False))
     elif not showing.quiet:

@@ -18,6 +18,7 @@ from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.registry import make_filter
+from wiclosure.workers import Workers
 
 logger = logging.getLogger(__name__)
 
@@ -57,6 +58,7 @@ def filter_candidates(
     config: Config,
     outputs: Outputs,
     report: Report | None = None,
+    workers: Workers | None = None,
 ) -> FilterResult:
     """Reads, filters, writes.
 
@@ -66,6 +68,7 @@ def filter_candidates(
         config: settings; `use_filter` names the filter.
         outputs: files to write.
         report: writes a page into the folder of the pictures.
+        workers: who works on pairs of robots, where there are many; None: this process.
 
     Raises:
         InputError: a file is missing or malformed, or the log mentions a robot without a trajectory.
@@ -75,7 +78,7 @@ def filter_candidates(
     outputs.require_free()
     robots = named_trajectories(trajectories, config.drift)
     wireless = _read_logs(logs, robots)
-    result = make_filter(config.use_filter, config.filter).candidates(robots, wireless)
+    result = make_filter(config.use_filter, config.filter, workers=workers).candidates(robots, wireless)
     if outputs.candidates is not None:
         if result.pairs_kept > MANY_PAIRS:
             logger.warning(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.config import load_config
+from wiclosure.pipeline.runtime.cluster import cluster
 from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.types import AoaPath, FilterResult, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter import side_by_side
@@ -266,10 +270,32 @@ def test_robots_side_by_side_with_identical_positions() -> None:
     assert 0 < result.pairs_kept <= result.pairs_total
 
 
-@pytest.mark.parametrize("workers", [ThisProcess(), Processes(2)], ids=["here", "processes"])
-def test_workers_align_and_search_as_one_process_does(
-    odometry: dict[str, Trajectory], wireless: WirelessLog, workers: Workers, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture(params=["here", "processes", pytest.param("dask", marks=pytest.mark.slow)])
+def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
+    if request.param == "dask":
+        pytest.importorskip("distributed")
+        with cluster("local:2") as there:
+            yield there
+    else:
+        yield ThisProcess() if request.param == "here" else Processes(2)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize("clockwise", [False, True], ids=["honest", "clockwise"])
+def test_workers_do_as_one_process_does(
+    odometry: dict[str, Trajectory],
+    wireless: WirelessLog,
+    workers: Workers,
+    clockwise: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Alignments, diagnoses and searches, to the last bit."""
+    if clockwise:
+        mirrored = [
+            replace(m, paths=tuple(replace(path, azimuth=-path.azimuth) for path in m.paths))
+            for m in wireless.measurements
+        ]
+        wireless = replace(wireless, measurements=tuple(mirrored))
     alone = WiClosureFilter().candidates(odometry, wireless)
     monkeypatch.setattr(side_by_side, "_WORTH_WORKERS", 1)
     monkeypatch.setattr(side_by_side, "_AT_ONCE", 1)
@@ -278,6 +304,8 @@ def test_workers_align_and_search_as_one_process_does(
         a.best.T_a_b.tobytes() for a in alone.alignments if a.best
     ]
     assert alone.pairs_kept > 0
+    assert alone.diagnosis == found.diagnosis
+    assert any(a.suspected_fault for a in alone.alignments) == clockwise
     for one, other in zip(alone.pairs, found.pairs, strict=True):
         assert (one.robot_a, one.robot_b) == (other.robot_a, other.robot_b)
         for name in ("index_a", "index_b", "overlap_probability", "mahalanobis"):

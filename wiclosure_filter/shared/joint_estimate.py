@@ -99,6 +99,8 @@ class JointEstimate:
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """`T_a_b (M, 4, 4)` and covariances `(M, 6, 6)`: over the nearest nodes, with their joint covariance."""
+        if len(index_a) == 0:
+            return np.zeros((0, 4, 4)), np.zeros((0, 6, 6))
         node_a, T_node_a, C_a = self._nearest(robot_a, index_a)
         node_b, T_node_b, C_b = self._nearest(robot_b, index_b)
         T_nodes, C_nodes = self._between_nodes(robot_a, node_a, robot_b, node_b)

@@ -63,6 +63,13 @@ def test_misfit_tells_links_from_places_that_they_contradict() -> None:
     assert elsewhere.misfit(nodes.links["a", "b"], *nodes.ends["a", "b"]) > 3.0
 
 
+def test_of_no_pairs_nothing_is_predicted() -> None:
+    found, _, _ = joint(FRAMES["b"])
+    none = np.zeros(0, np.int64)
+    T_a_b, covariance = found.relative_poses("a", none, "b", none)
+    assert (T_a_b.shape, covariance.shape) == ((0, 4, 4), (0, 6, 6))
+
+
 def test_models_and_relative_poses_tell_the_same_displacement() -> None:
     found, _, _ = joint(FRAMES["b"])
     (model,) = found.models("a", "b")
