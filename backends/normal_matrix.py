@@ -106,6 +106,8 @@ def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntAr
         graph.push_factor(i, j)
     if graph.size():
         ordering = gtsam.Ordering.MetisSymbolicFactorGraph(graph)
+        if not ordering.size():  # now and then METIS fails, on dense graphs, and gives nothing
+            ordering = gtsam.Ordering.ColamdSymbolicFactorGraph(graph)
         eliminated = np.array([ordering.at(n) for n in range(ordering.size())])
         position[eliminated] = np.arange(len(eliminated))
     alone = np.flatnonzero(position < 0)

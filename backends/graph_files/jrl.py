@@ -150,7 +150,8 @@ def _information(covariance: Json, *, planar: bool) -> FloatArray:
     size = 3 if planar else 6
     stated = np.array(covariance, float).reshape(size, size)
     try:
-        information = np.linalg.inv(0.5 * (stated + stated.T))
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest have no inverse, either
+            information = np.linalg.inv(0.5 * (stated + stated.T))
     except np.linalg.LinAlgError:
         information = np.full((size, size), np.nan)
     return lifted_information(information[None])[0] if planar else information

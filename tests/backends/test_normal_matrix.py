@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gtsam
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -50,3 +51,9 @@ def test_factors_of_a_grid_stay_sparse():
 def test_every_node_has_a_place_joined_or_not(first, second, size):
     positions = elimination_positions(np.array(first, int), np.array(second, int), size)
     assert sorted(positions.tolist()) == list(range(size))
+
+
+def test_every_node_has_a_place_where_metis_fails(monkeypatch):
+    monkeypatch.setattr(gtsam.Ordering, "MetisSymbolicFactorGraph", lambda graph: gtsam.Ordering())
+    position = elimination_positions(np.arange(9), np.arange(1, 10), 10)
+    assert sorted(position.tolist()) == list(range(10))

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from wiclosure.backends.graph_files.jrl import _information
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.errors import InputError
 
@@ -112,3 +113,7 @@ def test_logs_packed_as_cbor_are_read(log, tmp_path):
     path.write_bytes(cbor2.dumps(content)[:-20])
     with pytest.raises(InputError, match="the file is cut"):
         read_graphs([path])
+
+
+def test_a_covariance_of_the_largest_numbers_tells_nothing() -> None:
+    assert not (_information((np.eye(6) * 1.7e308).ravel().tolist(), planar=False) > 0).any()
