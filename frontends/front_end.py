@@ -16,6 +16,7 @@ from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, Fr
 from wiclosure.frontends.keyframes import KeyframeCollector, Registered
 from wiclosure.frontends.odometry import make_odometry
 from wiclosure.frontends.scan_context import describe
+from wiclosure.frontends.state import Resumable, State, part, under
 from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
 from wiclosure.interfaces import Hold
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
@@ -46,7 +47,7 @@ class Followed:
 class OdometryRun:
     """Takes one robot's scans one by one; what it keeps grows with the keyframes only (and one pose per scan).
 
-    It can be pickled between two scans, and goes on from there to the same result, bit by bit.
+    Another one goes on from its `state` between two scans to the same result, bit by bit.
 
     Args:
         settings: of odometry.
@@ -141,6 +142,49 @@ class OdometryRun:
             )
             for kept in self._keyframes
         )
+
+    @property
+    def resumable(self) -> bool:
+        """Whether its odometry tells its state; one that others plug in need not."""
+        return isinstance(self._odometry, Resumable)
+
+    def state(self) -> State:
+        """All that was found so far, and what the next scans depend on.
+
+        Raises:
+            TypeError: the odometry does not tell its own.
+        """
+        if not isinstance(self._odometry, Resumable):
+            raise TypeError(f"{type(self._odometry).__name__} tells no state")
+        state = {
+            "stamps_ns": np.array(self._stamps_ns, np.int64),
+            "scan_stamps_ns": np.array(self._scan_stamps_ns, np.int64),
+            "poses": np.array(self._poses).reshape(-1, 4, 4),
+            "holds": np.array([hold.value for hold in self._holds], np.str_),
+            "counts": np.array([self._scans, self._sparse, self._late, self._outside], np.int64),
+            "seconds": np.array([self._seconds, self._seconds_reading]),
+            **under("odometry", self._odometry.state()),
+        }
+        for number, kept in enumerate(self._keyframes):
+            state |= under(f"keyframes{number}", kept.state())
+        return state
+
+    def restore(self, state: State) -> None:
+        """Goes on from there.
+
+        Raises:
+            TypeError: the odometry cannot.
+            KeyError, ValueError, IndexError: it is not the state of a run with these settings.
+        """
+        if not isinstance(self._odometry, Resumable):
+            raise TypeError(f"{type(self._odometry).__name__} takes no state")
+        self._stamps_ns, self._scan_stamps_ns = state["stamps_ns"].tolist(), state["scan_stamps_ns"].tolist()
+        self._poses, self._holds = list(state["poses"]), [Hold(value) for value in state["holds"].tolist()]
+        self._scans, self._sparse, self._late, self._outside = state["counts"].tolist()
+        self._seconds, self._seconds_reading = state["seconds"].tolist()
+        self._odometry.restore(part("odometry", state))
+        for number, kept in enumerate(self._keyframes):
+            kept.restore(part(f"keyframes{number}", state))
 
     def _usable(self, scan: Scan) -> bool:
         if np.count_nonzero(within_range(scan.points, self._settings)) < _FEWEST_POINTS:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self, TypeAlias
+from typing import Any, Self
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.frontends.initial_guesses import around_scan_context
 from wiclosure.frontends.prepared_cloud import PreparedCloud
 from wiclosure.frontends.registration_methods import CoarseToFineGicp
+from wiclosure.frontends.state import State, packed, part, under, unpacked_all
 from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -72,9 +73,10 @@ class _Followed:
     points: FloatArray
     occupied: Occupied
 
-
-Recent: TypeAlias = tuple[tuple[_Followed, ...], tuple[float, ...], Hold]
-"""The last scans, which shares of points fell where they had some, and how it stands with the last of them."""
+    @classmethod
+    def of(cls, pose: FloatArray, points: FloatArray, voxel_m: float) -> Self:
+        """The scan that was found there."""
+        return cls(pose, points, Occupied.by(se3.transform(pose, points), voxel_m))
 
 
 class HoldingRegistration:
@@ -92,16 +94,21 @@ class HoldingRegistration:
         self._shares: deque[float] = deque(maxlen=_RECENT)
         self.hold = Hold.HELD
 
-    @property
-    def recent(self) -> Recent:
-        """All that is remembered of the scans so far."""
-        return tuple(self._last), tuple(self._shares), self.hold
+    def state(self) -> State:
+        """The last scans, which shares of points fell where they had some, and how it stands with the last of them."""
+        return {
+            "poses": np.array([scan.pose for scan in self._last]).reshape(-1, 4, 4),
+            "shares": np.array(self._shares),
+            "hold": np.array(self.hold.value),
+            **under("points", packed([scan.points for scan in self._last])),
+        }
 
-    @recent.setter
-    def recent(self, recent: Recent) -> None:
-        last, shares, self.hold = recent
-        self._last.extend(last)
-        self._shares.extend(shares)
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        scans = zip(state["poses"], unpacked_all(part("points", state)), strict=True)
+        self._last.extend(_Followed.of(pose, points, self._voxel_m) for pose, points in scans)
+        self._shares.extend(state["shares"].tolist())
+        self.hold = Hold(str(state["hold"]))
 
     def align_points_to_map(
         self,
@@ -135,8 +142,7 @@ class HoldingRegistration:
                 if share < _LOST * usual:
                     self.hold = Hold.LOST
             self._shares.append(share)
-        thinned = self._thinned()
-        self._last.append(_Followed(pose, thinned, Occupied.by(se3.transform(pose, thinned), self._voxel_m)))
+        self._last.append(_Followed.of(pose, self._thinned(), self._voxel_m))
         return pose
 
     def _share(self, points: FloatArray, pose: FloatArray) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wiclosure import se3
 from wiclosure.frontends.config import KeyframeSettings
 from wiclosure.frontends.reflections import RETURNS, Reflections
+from wiclosure.frontends.state import State, packed, part, under, unpacked, unpacked_all
 from wiclosure.interfaces import Odometry
 from wiclosure.types import Float32Array, FloatArray, IntArray
 
@@ -29,6 +30,14 @@ class KeyframeSelector:
             return False
         self._T_odom_last = T_odom_body
         return True
+
+    def state(self) -> State:
+        """The pose of the last keyframe, if there is one."""
+        return {} if self._T_odom_last is None else {"T_odom_last": self._T_odom_last}
+
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        self._T_odom_last = state.get("T_odom_last")
 
     def _moved(self, T_last_body: FloatArray) -> bool:
         distance_m = float(np.linalg.norm(T_last_body[:3, 3]))
@@ -51,6 +60,25 @@ class LocalMap:
         """All of them in the axes of this pose, `(M, 3)`; thinned to `voxel_m` unless the settings say otherwise."""
         clouds = [se3.transform(se3.between(T_odom_body, pose), points) for pose, points, _ in self._scans]
         return thinned(np.concatenate(clouds), self._voxel_m or voxel_m)
+
+    def state(self) -> State:
+        """The scans."""
+        seen = [reflections for _, _, reflections in self._scans]
+        return {
+            "poses": np.array([pose for pose, _, _ in self._scans]).reshape(-1, 4, 4),
+            **under("points", packed([points for _, points, _ in self._scans])),
+            **under("returns", packed([None if of is None else of.points for of in seen])),
+            **under("intensity", packed([None if of is None else of.intensity for of in seen])),
+        }
+
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        points, returns, intensity = (part(name, state) for name in ("points", "returns", "intensity"))
+        seen = [
+            None if of is None or at is None else Reflections(at, of)
+            for at, of in zip(unpacked(returns), unpacked(intensity), strict=True)
+        ]
+        self._scans.extend(zip(state["poses"], unpacked_all(points), seen, strict=True))
 
     def reflections_from(self, T_odom_body: FloatArray) -> Reflections | None:
         """Those of all of them in the axes of this pose; None if no scan has any."""
@@ -100,6 +128,24 @@ class KeyframeCollector:
         seen = self._last.reflections_from(T_odom_body) if several else registered.reflections(RETURNS)
         self._intensities.append(None if seen is None else seen.at(self._clouds[-1]))
         return True
+
+    def state(self) -> State:
+        """All keyframes so far, and what the choice of the next depends on."""
+        return {
+            "indices": self.indices,
+            **under("clouds", packed(self._clouds)),
+            **under("intensities", packed(self._intensities)),
+            **under("selector", self._selector.state()),
+            **under("last", self._last.state()),
+        }
+
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        self._indices = state["indices"].tolist()
+        self._clouds = unpacked_all(part("clouds", state))
+        self._intensities = unpacked(part("intensities", state))
+        self._selector.restore(part("selector", state))
+        self._last.restore(part("last", state))
 
     @property
     def indices(self) -> IntArray:

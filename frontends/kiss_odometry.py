@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,9 @@ from kiss_icp.kiss_icp import KissICP
 from wiclosure import se3
 from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.deskewing import deskewed
-from wiclosure.frontends.hold import HoldingRegistration, Recent
+from wiclosure.frontends.hold import HoldingRegistration
 from wiclosure.frontends.scale import voxel_size_m
+from wiclosure.frontends.state import State, part, under
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
 from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, FloatArray, Scan
@@ -90,33 +90,40 @@ class KissOdometry:
         """Whether the scan can be followed: KISS-ICP follows all."""
         return True
 
-    def __getstate__(self) -> dict[str, Any]:
-        """All that the next scans depend on: an odometry that is unpickled goes on to the same result, bit by bit."""
-        kiss = self._kiss
-        of_kiss = None
-        if kiss is not None:
-            of_kiss = _KissState(
-                (kiss.last_pose, kiss.last_delta),
-                kiss.local_map.point_cloud(),
-                np.array(kiss.adaptive_threshold.deviations).reshape(-1, 4, 4),
-                kiss.registration.recent,
-                kiss.frame_downsample,
-                kiss.preprocessor.kept,
-            )
-        return {**self.__dict__, "_kiss": of_kiss}
+    def state(self) -> State:
+        """All that the next scans depend on; empty before the first.
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update({**state, "_kiss": None})
-        of_kiss: _KissState | None = state["_kiss"]
-        if of_kiss is None:
+        `map_points (M, 3)` are voxel by voxel, in each in the order in which they came: added anew they make the same
+        map.  `deviations (S, 4, 4)` are by how much predictions were off: KISS-ICP does not tell the sum that it keeps.
+        """
+        kiss = self._kiss
+        if kiss is None:
+            return {}
+        return {
+            "voxel_size_m": np.array(self.voxel_size_m),
+            "last_stamps_ns": np.array(self._last_stamps_ns, np.int64),
+            "last_pose": kiss.last_pose,
+            "last_delta": kiss.last_delta,
+            "map_points": kiss.local_map.point_cloud(),
+            "deviations": np.array(kiss.adaptive_threshold.deviations).reshape(-1, 4, 4),
+            "thinned": kiss.frame_downsample,
+            "kept": kiss.preprocessor.kept,
+            **under("registration", kiss.registration.state()),
+        }
+
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        if not state:
             return
+        self.voxel_size_m = float(state["voxel_size_m"])
+        self._last_stamps_ns = tuple(state["last_stamps_ns"].tolist())
         kiss = self._kiss = self._made()
-        kiss.last_pose, kiss.last_delta = of_kiss.last
-        kiss.local_map.add_points(of_kiss.map_points)
-        for deviation in of_kiss.deviations:
+        kiss.last_pose, kiss.last_delta = state["last_pose"], state["last_delta"]
+        kiss.local_map.add_points(state["map_points"])
+        for deviation in state["deviations"]:
             kiss.adaptive_threshold.update_model_deviation(deviation)
-        kiss.registration.recent = of_kiss.recent
-        kiss.frame_downsample, kiss.preprocessor.kept = of_kiss.thinned, of_kiss.kept
+        kiss.frame_downsample, kiss.preprocessor.kept = state["thinned"], state["kept"]
+        kiss.registration.restore(part("registration", state))
 
     def _motion_share(self, times: FloatArray) -> float:
         """What share of the last motion between two scans happens during a sweep of these times."""
@@ -147,27 +154,6 @@ class KissOdometry:
         kiss.registration = HoldingRegistration(kiss.registration, lambda: kiss.frame_downsample, self.voxel_size_m)
         kiss.adaptive_threshold = _BoundedThreshold(kiss.adaptive_threshold, _SEARCHED_VOXELS * self.voxel_size_m)
         return kiss
-
-
-@dataclass(frozen=True, eq=False)
-class _KissState:
-    """What KISS-ICP knows after some scans.
-
-    Args:
-        last: pose and motion of the last scan, `(4, 4)`.
-        map_points: `(M, 3)` voxel by voxel, in each in the order in which they came: added anew they make the same map.
-        deviations: `(S, 4, 4)` by how much the predictions were off; KISS-ICP does not tell the sum that it keeps.
-        recent: see `HoldingRegistration`.
-        thinned: `(N, 3)` points of the last scan.
-        kept: which of its points were within range.
-    """
-
-    last: tuple[FloatArray, FloatArray]
-    map_points: FloatArray
-    deviations: FloatArray
-    recent: Recent
-    thinned: FloatArray
-    kept: BoolArray
 
 
 class _BoundedThreshold:

@@ -9,6 +9,7 @@ from wiclosure.frontends.config import OdometrySettings
 from wiclosure.frontends.deskewing import deskewed
 from wiclosure.frontends.keyframes import thinned
 from wiclosure.frontends.scale import voxel_size_m
+from wiclosure.frontends.state import State
 from wiclosure.frontends.sweep import sweep_stamps_ns, sweep_times, within_range
 from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, Float32Array, FloatArray, Scan, Trajectory
@@ -58,6 +59,16 @@ class RecordedOdometry:
         if self._points is None:
             raise ValueError("no scan was registered yet")
         return thinned(self._points, self.voxel_size_m / 2)
+
+    def state(self) -> State:
+        """What the next scans depend on, and the last one; the trajectory stands."""
+        last = {} if self._points is None else {"points": self._points, "kept": self.kept}
+        return {"voxel_size_m": np.array(self.voxel_size_m), **last}
+
+    def restore(self, state: State) -> None:
+        """Goes on from there."""
+        self.voxel_size_m = float(state["voxel_size_m"])
+        self._points, self.kept = state.get("points"), state.get("kept", self.kept)
 
     def covers(self, scan: Scan) -> bool:
         """Whether the trajectory has the scan's stamp, to half a sweep or half of its own steps, and nearly all points.

@@ -211,10 +211,9 @@ class _Work:
             for c in self.configs[1:]
             if self.cache.folder is not None and c.odometry == config.odometry and c.keyframes != config.keyframes
         ]
-        checkpoints = Checkpoints(OdometryRun, self.cache, [_of_odometry(robot, each) for each in (config, *others)])
-        run = checkpoints.last() or OdometryRun(
-            odometry_settings(robot, config), [c.keyframes for c in (config, *others)], robot.robot, robot.odometry
-        )
+        checkpoints = Checkpoints(self.cache, [_of_odometry(robot, each) for each in (config, *others)])
+        settings, keyframes = odometry_settings(robot, config), [c.keyframes for c in (config, *others)]
+        run = checkpoints.resumed(lambda: OdometryRun(settings, keyframes, robot.robot, robot.odometry))
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
             left = checkpoints.kept(islice(scans, run.scans, None), run)
             run.process_all(_reported(left, robot.robot, run.scans, run if self.seen else None))

@@ -12,6 +12,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.errors import ConfigError, InputError, ProcessError
+from wiclosure.frontends.config import KeyframeSettings, OdometrySettings
 from wiclosure.frontends.front_end import OdometryRun
 from wiclosure.frontends.front_end_result import FrontEndResult
 from wiclosure.pipeline.config import Config
@@ -274,8 +275,13 @@ def test_odometry_goes_on_from_its_last_checkpoint(tmp_path: Path, monkeypatch: 
     assert "checkpoint" not in {stock.stage for stock in cache.stock()}
 
 
-def test_a_damaged_checkpoint_begins_anew(tmp_path: Path) -> None:
-    kept = Checkpoints(OdometryRun, StageCache(tmp_path), "alpha")
-    StageCache(tmp_path).keep("checkpoint", "alpha", b"no pickle", save=lambda some, path: path.write_bytes(some))
-    assert kept.last() is None
+@pytest.mark.parametrize("damage", [{}, {"stamps_ns": np.zeros(3)}, {"stamps_ns": np.array([{}], object)}])
+def test_a_damaged_checkpoint_begins_anew(tmp_path: Path, damage: dict[str, object]) -> None:
+    def save(arrays: dict[str, object], path: Path) -> None:
+        with path.open("wb") as file:
+            np.savez(file, **arrays)
+
+    StageCache(tmp_path).keep("checkpoint", "alpha", damage, save=save)
+    begun = OdometryRun(OdometrySettings(), [KeyframeSettings()], "alpha")
+    assert Checkpoints(StageCache(tmp_path), "alpha").resumed(lambda: begun) is begun
     assert not list(tmp_path.iterdir())
