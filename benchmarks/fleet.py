@@ -137,19 +137,19 @@ def efficiency(scenario: str, scans: int) -> None:
 
 def killed(scenario: str, scans: int, kills: int, seed: int) -> None:
     """One line for each kill as it comes: what is lost, and whether the result is the same to the last bit."""
-    chance = random.Random(seed)
-    with cluster("local:2") as workers:
-        whole_run(scenario, scans, 1, workers)  # workers import what they need
-        undisturbed, seconds = whole_run(scenario, scans, 1, workers)
-        print(f"{scenario}, {scans} scans a robot: {seconds:.1f} s undisturbed; {load()}", flush=True)
-        for _ in range(kills):
-            after_s, retries = chance.uniform(0.0, 0.9 * seconds), workers.costs.retries
+    chance, undisturbed, seconds = random.Random(seed), None, 0.0
+    for kill in range(kills):
+        with cluster("local:2") as workers:
+            whole_run(scenario, scans, 1, workers)  # workers import what they need
+            if undisturbed is None:
+                undisturbed, seconds = whole_run(scenario, scans, 1, workers)
+                print(f"{scenario}, {scans} scans a robot: {seconds:.1f} s undisturbed; {load()}", flush=True)
+            after_s = chance.uniform(0.0, 0.9 * seconds)
             with _killing(workers, after_s):
                 disturbed, took = whole_run(scenario, scans, 1, workers)
             print(
-                f"a worker killed after {after_s:.1f} s: {took - seconds:.1f} s lost,"
-                f" {workers.costs.retries - retries} tasks begun again, same result: {same(undisturbed, disturbed)};"
-                f" {load()}",
+                f"{kill + 1}: a worker killed after {after_s:.1f} s: {took - seconds:.1f} s lost,"
+                f" {workers.costs.retries} tasks begun again, same result: {same(undisturbed, disturbed)}; {load()}",
                 flush=True,
             )
 
@@ -161,8 +161,6 @@ def _killing(workers: Cluster, after_s: float) -> Iterator[None]:
     timer.start()
     yield
     timer.join()
-    while workers.count < len(pids):  # until it is there again
-        time.sleep(0.2)
 
 
 def memory(scenario: str, scans: int) -> None:

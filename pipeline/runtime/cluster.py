@@ -90,6 +90,12 @@ class Cluster:
         except OSError:  # it went before the client noticed
             raise self._lost() from None
 
+    def leave(self) -> None:
+        """Asks for no more news, before the client closes: the scheduler would complain of it that it is gone."""
+        if self._client.status == "running":
+            with suppress(OSError):
+                self._client.unsubscribe_topic(_OF_WORKERS)
+
     def process_ids(self) -> dict[str, int]:
         """Of each worker, on its machine."""
         return dict(self._client.run(os.getpid))
@@ -266,7 +272,9 @@ def cluster(address: str, tls: TlsFiles | None = None) -> Iterator[Cluster]:
         except (TimeoutError, distributed.TimeoutError):
             raise ConfigError(f"the scheduler at {address} has no workers; start some: dask worker {address}") from None
         _require_alike(client.run(versions, on_error="return"))
-        yield Cluster(client, address)
+        workers = Cluster(client, address)
+        open_until_then.callback(workers.leave)
+        yield workers
 
 
 @contextmanager
