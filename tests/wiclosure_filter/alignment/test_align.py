@@ -156,7 +156,8 @@ def test_swapping_the_robots_inverts_the_transform(kind: str, seed: int) -> None
     assert ba.best is not None
     b = scene.trajectories["b"].positions
     np.testing.assert_allclose(se3.transform(se3.inverse(ba.best.T_a_b), b), se3.transform(ab.best.T_a_b, b), atol=0.5)
-    assert ab.ambiguous == ba.ambiguous or "nearly as likely" in ab.reason + ba.reason
+    if ab.ambiguous != ba.ambiguous:  # odds, or a constant error in its sigmas, at the limit: the two differ by rounding
+        assert any(doubt in ab.reason + ba.reason for doubt in ("nearly as likely", "error beyond the usual"))
 
 
 def test_equal_input_gives_equal_output() -> None:
