@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
@@ -147,6 +147,7 @@ def test_the_odometry_frames_do_not_matter(kind: str, seed: int) -> None:
 
 
 @settings(deadline=None, max_examples=6)
+@example(kind="one-way", seed=286)
 @given(st.sampled_from(KINDS[:3]), st.integers(0, 10**6))
 def test_swapping_the_robots_inverts_the_transform(kind: str, seed: int) -> None:
     scene = make_scene(kind, seed=seed)
@@ -156,7 +157,7 @@ def test_swapping_the_robots_inverts_the_transform(kind: str, seed: int) -> None
     assert ba.best is not None
     b = scene.trajectories["b"].positions
     np.testing.assert_allclose(se3.transform(se3.inverse(ba.best.T_a_b), b), se3.transform(ab.best.T_a_b, b), atol=0.5)
-    if ab.ambiguous != ba.ambiguous:  # odds, or a constant error in its sigmas, at the limit: the two differ by rounding
+    if ab.ambiguous != ba.ambiguous:  # at the limit of the odds, or of a constant error
         assert any(doubt in ab.reason + ba.reason for doubt in ("nearly as likely", "error beyond the usual"))
 
 
