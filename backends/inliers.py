@@ -59,7 +59,11 @@ def decide(
     for robot, trajectory in trajectories.items():
         keyframes = trajectory.subset(team.nodes[robot])
         moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
-    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], moved
+    return _by_set(mask, sets), moved
+
+
+def _by_set(mask: BoolArray, sets: Sequence[ClosureSet]) -> list[BoolArray]:
+    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else []
 
 
 def _numbered(sets: Sequence[ClosureSet]) -> list[ClosureSet]:
@@ -94,4 +98,4 @@ def _decide_with_factors(
         held = trajectory.subset(nodes[robot])
         solved = np.stack([values.atPose3(key).matrix() for key in keys.all(robot, nodes[robot])])
         poses[robot] = propagate_to_scans(trajectory, held, replace(held, poses=solved)).poses
-    return np.split(mask, np.cumsum([len(closure_set) for closure_set in sets])[:-1]) if sets else [], poses
+    return _by_set(mask, sets), poses

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
+from systematic_worlds import drifted
 
 from wiclosure import se3
-from wiclosure.drift import DriftModel
 from wiclosure.types import AoaPath, FloatArray, IntArray, Trajectory, WirelessLog, WirelessMeasurement
 
 BLOCK_M, APART_M, STEP_M, STEP_NS = 100.0, 140.0, 2.0, 400_000_000
@@ -34,7 +34,7 @@ def fleet(robots: int, *, keyframes: int = 500, seed: int = 0) -> Fleet:
     columns = int(np.ceil(np.sqrt(robots)))
     homes = [APART_M * np.array(divmod(number, columns)) for number in range(robots)]
     truth = {name: _drive(name, home, keyframes, rng) for name, home in zip(names, homes, strict=True)}
-    odometry = {name: _drifting(t, rng) for name, t in truth.items()}
+    odometry = {name: drifted(t, rng, np.eye(4)) for name, t in truth.items()}
     return Fleet(truth, odometry, _heard(truth, rng))
 
 
@@ -69,20 +69,6 @@ def _rounded(corners: FloatArray, keyframes: int, start_m: float, rng: np.random
     metres = start_m + STEP_M * np.arange(keyframes)
     lane = rng.uniform(-3.0, 3.0, 2)
     return np.stack([np.interp(metres, travelled, smooth[:, axis]) for axis in (0, 1)], axis=1) + lane
-
-
-def _drifting(truth: Trajectory, rng: np.random.Generator) -> Trajectory:
-    """Odometry in its own frame that drifts as the model says, in the plane."""
-    drift = DriftModel()
-    steps = se3.between(truth.poses[:-1], truth.poses[1:])
-    metres, turn = np.linalg.norm(steps[:, :3, 3], axis=1), se3.rotation_angle(steps)
-    sigma = np.zeros((len(steps), 6))
-    sigma[:, 2] = np.sqrt(drift.rotation_walk**2 * metres + drift.rotation_walk_turning**2 * turn)
-    sigma[:, 3:5] = (drift.translation_walk * np.sqrt(metres))[:, None]
-    poses = [np.eye(4)]
-    for step in steps @ se3.exp(sigma * rng.normal(size=sigma.shape)):
-        poses.append(poses[-1] @ step)
-    return Trajectory(truth.robot, truth.stamps_ns, np.array(poses), drift)
 
 
 def _heard(truth: dict[str, Trajectory], rng: np.random.Generator) -> WirelessLog:

@@ -233,15 +233,17 @@ def _blocked(p: FloatArray, q: FloatArray, walls: FloatArray) -> bool:
     return bool(((cross != 0) & (t > 0) & (t < 1) & (u > 0) & (u < 1)).any())
 
 
-def drifted(truth: Trajectory, rng: np.random.Generator) -> Trajectory:
-    """Odometry in a frame of its own, with drift as the default model has it."""
+def drifted(truth: Trajectory, rng: np.random.Generator, T_odom_first: FloatArray | None = None) -> Trajectory:
+    """Odometry in a frame of its own, random unless its first pose is given; drift as the default model has it."""
     drift = DriftModel()
     steps = se3.between(truth.poses[:-1], truth.poses[1:])
     metres, turn = np.linalg.norm(steps[:, :3, 3], axis=1), se3.rotation_angle(steps)
     sigma = np.zeros((len(steps), 6))
     sigma[:, 2] = np.sqrt(drift.rotation_walk**2 * metres + drift.rotation_walk_turning**2 * turn)
     sigma[:, 3:5] = (drift.translation_walk * np.sqrt(metres))[:, None]
-    poses = [se3.from_yaw(rng.uniform(-np.pi, np.pi), np.array([*rng.uniform(-20, 20, 2), 0.0]))]
+    if T_odom_first is None:
+        T_odom_first = se3.from_yaw(rng.uniform(-np.pi, np.pi), np.array([*rng.uniform(-20, 20, 2), 0.0]))
+    poses = [T_odom_first]
     for step in steps @ se3.exp(sigma * rng.normal(size=sigma.shape)):
         poses.append(poses[-1] @ step)
     return Trajectory(truth.robot, truth.stamps_ns, np.array(poses))
