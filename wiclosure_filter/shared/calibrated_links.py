@@ -174,7 +174,8 @@ def error_sets(
             shift[first : first + len(scale.moved), 3:] += scale.moved * found[column]
         both = _added(_added((effects, places), scaled[a], 5), scaled[b], 6)
         sets[number[a], number[b]] = ErrorSet.of(both[1], both[0] * np.sqrt(share), covariance)
-    return sets, shift + root.following(pulled)
+    everywhere = np.arange(len(root.place))
+    return sets, shift + root.following(everywhere, pulled[:, :, None], everywhere)[:, :, 0]
 
 
 @dataclass(frozen=True, eq=False)
