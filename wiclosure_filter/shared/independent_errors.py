@@ -76,12 +76,14 @@ class IndependentErrors:
             root: of the information of all poses.
             poses: `(n,)` numbers of those of the robot.
         """
-        sets = [self.sets[one] for one in self.near.get(robot, ())]
-        names = [np.arange(self.begin[one], self.begin[one + 1]) for one in self.near.get(robot, ())]
-        places = np.unique(np.concatenate([np.zeros(0, np.int64), *(one.places for one in sets)]))
-        moved = np.zeros((len(places), 6, sum(len(one) for one in sets)))
-        column = 0
-        for one in sets:
-            moved[np.searchsorted(places, one.places), :, column : column + len(one)] = one.effects
-            column += len(one)
-        return root.following(poses, moved, places), np.concatenate([np.zeros(0, np.int64), *names])
+        near = self.near.get(robot, ())
+        places = root.with_ancestors(poses)
+        moved = np.zeros((len(places), 6, sum(len(self.sets[one]) for one in near)))
+        names, column = [np.zeros(0, np.int64)], 0
+        for one in near:
+            own = self.sets[one]
+            _, at, of_error = np.intersect1d(places, own.places, assume_unique=True, return_indices=True)
+            moved[at, :, column : column + len(own)] = own.effects[of_error]
+            names.append(np.arange(self.begin[one], self.begin[one + 1]))
+            column += len(own)
+        return root.following(poses, moved, places), np.concatenate(names)

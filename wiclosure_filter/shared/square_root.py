@@ -104,7 +104,7 @@ class SquareRoot:
     def rows(self, poses: IntArray) -> tuple[FloatArray, IntArray]:
         """Rows `(P, 6, 6 C)` of R^-1, and the places `(C,)` of their columns, increasing."""
         wanted = self.place[poses]
-        columns = self._with_ancestors(np.unique(wanted))
+        columns = self.with_ancestors(poses)
         for place in columns.tolist():  # ancestors first
             if place not in self._known:
                 path, values = self._row(place)
@@ -129,7 +129,7 @@ class SquareRoot:
 
     def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
         """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
-        places = self._with_ancestors(np.unique(self.place[poses]))
+        places = self.with_ancestors(poses)
         left = np.zeros((len(places), *pulls.shape[1:]))
         np.add.at(left, np.searchsorted(places, self.place[poses]), pulls)
         for number in range(len(places) - 1, -1, -1):  # from the leaves: what a pose follows is pulled with it
@@ -154,9 +154,15 @@ class SquareRoot:
         return np.linalg.solve(self.remainder[places], left[:, :, None])[:, :, 0], places
 
     def following(self, poses: IntArray, left: FloatArray, places: IntArray) -> FloatArray:
-        """Poses' parts `(n, 6, p)` of `R^-1 y`, for `y (c, 6, p)` at places: how they follow what `solved` gives."""
+        """Poses' parts `(n, 6, p)` of `R^-1 y`: how they follow what `solved` gives of a pull.
+
+        Args:
+            poses: `(n,)` numbers of poses.
+            left: `(c, 6, p)` of y.
+            places: `(c,)` where that stands; of others y is zero.
+        """
         wanted = self.place[poses]
-        columns = self._with_ancestors(np.unique(wanted))
+        columns = self.with_ancestors(poses)
         counts = np.isin(places, columns)
         found = np.zeros((len(columns), *left.shape[1:]))
         found[np.searchsorted(columns, places[counts])] = left[counts]
@@ -209,8 +215,9 @@ class SquareRoot:
             waiting += children[order[-1]]
         return depth, order
 
-    def _with_ancestors(self, places: IntArray) -> IntArray:
-        found = np.zeros(len(self.parent), bool)
+    def with_ancestors(self, poses: IntArray) -> IntArray:
+        """Places of poses and of all that they depend on, increasing."""
+        found, places = np.zeros(len(self.parent), bool), np.unique(self.place[poses])
         while len(places):
             found[places] = True
             places = self.parent[places]
