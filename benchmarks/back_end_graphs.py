@@ -29,9 +29,9 @@ from graphs import (
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.types import BoolArray, Closure, FloatArray, KeyframeId, Stage, Trajectory
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)  # closures here state their covariance in full
