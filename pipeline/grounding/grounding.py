@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
-from wiclosure.backends.graph_result import GraphResult
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.factor_graph.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.inertial.estimate import UpEstimate, estimate_up
 from wiclosure.geodesy import enu_of

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.display import closure_columns, data_frame, html_table, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter

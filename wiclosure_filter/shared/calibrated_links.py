@@ -165,7 +165,7 @@ def error_sets(
         effects, places = _joined({0: root.solved(*own.pulls()), 5: pulled_by[a], 6: pulled_by[b]})
         by = np.column_stack([own.by_errors, of_a.by_scale[a, b], of_b.by_scale[a, b]])
         information = by.T @ by
-        gradient = own.b @ by
+        gradient = -own.b @ by
         for column, scale in ((5, of_a), (6, of_b)):
             information[column, column], gradient[column] = scale.information, scale.gradient
         flat = effects.reshape(-1, len(_ALL))
@@ -216,7 +216,7 @@ class _Scale:
                 nodes.append(own.key.reshape(-1))
                 pulls.append((own.A * by[:, None, None]).reshape(-1, 6))
                 information += float(by @ by)
-                gradient += float(own.b @ by)
+                gradient -= float(own.b @ by)
         return cls(moved, np.concatenate(pulls), np.concatenate(nodes), by_scale, information, gradient)
 
     def nodes_moved(self, first: int) -> tuple[IntArray, FloatArray]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.pipeline.config import EarthSettings
