@@ -4,11 +4,11 @@
         [--scenario demo-site] [--scans 60] [--kills 10] [--seed 0] [--csv docs/scaling.csv]
 
 `filter`: robots with 500 keyframes each in a plan of a city that grows with them, four links for each robot, 20
-measurements a link (`fleet_world.py`); each size in a fresh process, and added to the table `--csv` if there is one, from which
-`docs/scaling_picture.py` draws.  The other rows run a simulated scenario, each run
-with an empty cache: `overhead` of `--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one;
-`killed`: a worker killed at random moments of a run; `memory` of this process while odometry is done by workers, for so
-many scans and for half of them.
+measurements a link (`fleet_world.py`); each size in a fresh process, and added to the table `--csv`, from which
+`docs/scaling_picture.py` draws.  The other rows run a simulated scenario, each run with an empty cache: `overhead` of
+`--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one; `killed`: a worker killed at
+random moments of a run; `memory` of this process while odometry is done by workers, for so many scans and for half of
+them.
 """
 
 from __future__ import annotations
