@@ -128,7 +128,7 @@ class _Chosen:
 
 
 def _contested(followed: Sequence[Followed], guard: AmbiguitySettings) -> str:
-    """Whether a different alignment is nearly as likely once both follow drift and constant errors: a sentence, or empty.
+    """Whether a different alignment is nearly as likely once both follow drift and errors: a sentence, or empty.
 
     Of mirror images, one rigid transform may fit far better by what a clock or a scale explains as well.
     """

@@ -24,7 +24,6 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 
 _MOST_ROBOTS = 4  # of larger teams there are too many orders to try
 _SIGMAS = 4.0
-_MIXED_UP = 0.02  # odds of each other order of the names
 
 
 def contradictions(
@@ -135,11 +134,14 @@ class NameOrders:
         return correction if best - max(self.claimed, 0.0) > LIKELIER else None
 
     def objection(self, min_odds: float) -> str:
-        """That some other order fits as well, as a sentence; empty where the odds are against all of them."""
+        """That some other order fits as well, as a sentence; empty where the measurements are against all of them.
+
+        How rare it is that names are mixed up does not count: in doubt, the measurements themselves must tell.
+        """
         if not self.others or not np.isfinite(self.claimed):
             return ""
         log_odds = float(logsumexp([log_likelihood for log_likelihood, _ in self.others])) - self.claimed
-        if log_odds + np.log(_MIXED_UP) < -np.log(min_odds):
+        if log_odds < -np.log(min_odds):
             return ""
         _, likeliest = max(self.others, key=lambda one: one[0])
         return f"the measurements of the whole team fit as well otherwise: {likeliest.fault}"
