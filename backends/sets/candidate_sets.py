@@ -45,6 +45,7 @@ class CandidateSet:
         objection: why the pair alone does not settle it; empty if it does.
         coverage: share of both paths that the closures' ends span.
         support, contradiction: of cycles over third groups.
+        frame, noise, wander: where the second group lies in the first by all of its closures (`Claims.mean_frame`).
     """
 
     a: int
@@ -62,8 +63,8 @@ class CandidateSet:
     wander: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        claims, medoid = self.comparison.claims, self.closure_set.medoid
-        self.frame, self.noise, self.wander = claims.frames[medoid], claims.noise[medoid], claims.wander[medoid]
+        claims = self.comparison.claims
+        self.frame, self.noise, self.wander = claims.mean_frame(self.closure_set.rows, self.closure_set.medoid)
 
     def __len__(self) -> int:
         return len(self.closure_set)
