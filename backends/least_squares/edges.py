@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.backends.least_squares.levenberg_marquardt import descended
 from wiclosure.backends.least_squares.normal_matrix import DEGREES, Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -134,7 +135,8 @@ class System:
         Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
         """
         w = np.ones(len(self.edges)) if weights is None else weights
-        return self.subset(w > 0)._descended(poses, w[w > 0], steps)[0]
+        system, w = self.subset(w > 0), w[w > 0]
+        return system._descended(poses, w, steps)[0] if steps < STEPS or (w < 1).any() else system._unweighted(poses)
 
     def sampled(self, poses: FloatArray, weights: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The same estimate, and what noise of the edges does to it: `(N, 6, S)` for whitened `(M, 6, S)`.
@@ -143,12 +145,16 @@ class System:
         """
         used = weights > 0
         system, w = self.subset(used), weights[used]
-        poses, last = system._descended(poses, w, STEPS)
+        poses, last = system._descended(self.solved(poses, weights), w, STEPS)
         if last is None:
             J = system.jacobians(poses)
             last = J, system.normal.factorised(*J, w, self.held, 0.0)
         J, factorised = last
         return poses, factorised.solve(-system.gradient(J, w[:, None, None] * noise[used]))
+
+    def _unweighted(self, poses: FloatArray) -> FloatArray:
+        edges = self.edges
+        return descended(edges.first, edges.second, edges.T, self.W, poses, self.held)
 
     def _descended(
         self, poses: FloatArray, w: FloatArray, steps: int

@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import degrees_of_freedom, mahalanobis_squared
 from wiclosure.backends.least_squares.normal_matrix import DEGREES
-from wiclosure.types import FloatArray, IntArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
 COUNTED = 2000  # closures among which neighbours are counted
@@ -78,20 +78,19 @@ class Claims:
     def distances(self, rows: IntArray, beyond: float) -> FloatArray:
         """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all.
 
-        Infinite where the rotations alone are further apart than `beyond` allows, which costs little to see.
+        Infinite where rotations or translations alone are further apart than `beyond` allows: seen at little cost.
         """
         found = np.full((len(rows), len(self)), np.inf)
         size = max(1, PAIRS_AT_ONCE // max(len(self), 1))
-        own = self.noise + self.wander @ np.swapaxes(self.wander, 1, 2)
-        spread = 2.0 * np.trace(own[:, :3, :3], axis1=1, axis2=2)  # of a difference: at most twice the sum
+        samples = self.wander.shape[2]
+        by_sample = self.wander.reshape(-1, samples).T
         for start in range(0, len(rows), size):
             part = rows[start : start + size]
-            first, second = np.nonzero(
-                self._angles(part, np.arange(len(self))) ** 2 <= beyond * (spread[part][:, None] + spread)
-            )
+            first, second = np.nonzero(self._may_agree(part, np.arange(len(self)), beyond))
             one, other = part[first], second
-            cross = self.wander[one] @ np.swapaxes(self.wander[other], 1, 2)
-            covariance = own[one] + own[other] - cross - np.swapaxes(cross, 1, 2)
+            products = self.wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
+            cross = products.reshape(len(part), DEGREES, len(self), DEGREES)[first, :, second]
+            covariance = self._own[one] + self._own[other] - cross - np.swapaxes(cross, 1, 2)
             error = se3.log(se3.between(self.frames[one], self.frames[other]))
             found[start + first, second] = mahalanobis_squared(error, covariance)
         found[np.arange(len(rows)), rows] = 0.0
@@ -100,21 +99,32 @@ class Claims:
     def neighbours(self, limit: float) -> IntArray:
         """`(N,)` how many closures may lie within a squared distance of `limit`: bounded from above, at little cost."""
         counted = np.unique(np.linspace(0, len(self) - 1, min(COUNTED, len(self))).round().astype(np.int64))
-        own = self.noise + self.wander @ np.swapaxes(self.wander, 1, 2)
-        turn, shift = (2.0 * np.trace(own[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
         found = np.zeros(len(self), np.int64)
         for start in range(0, len(self), PAIRS_AT_ONCE):
-            part = slice(start, start + PAIRS_AT_ONCE)
-            apart = cdist(self.frames[part, :3, 3], self.frames[counted, :3, 3], "sqeuclidean")
-            near = apart <= limit * (shift[part, None] + shift[counted])
-            near &= self._angles(np.arange(len(self))[part], counted) ** 2 <= limit * (turn[part, None] + turn[counted])
-            found[part] = near.sum(axis=1)
+            part = np.arange(start, min(start + PAIRS_AT_ONCE, len(self)))
+            found[part] = self._may_agree(part, counted, limit).sum(axis=1)
         return found
 
-    def _angles(self, rows: IntArray, others: IntArray) -> FloatArray:
-        """`(R, K)` between the rotations of the frames."""
-        rotations = self.frames[:, :3, :3].reshape(-1, 9)
-        return np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
+    @cached_property
+    def _own(self) -> FloatArray:
+        """Covariance `(N, 6, 6)` of each frame by itself."""
+        return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
+
+    def _may_agree(self, rows: IntArray, others: IntArray, limit: float) -> BoolArray:
+        """`(R, K)` False where a squared distance certainly exceeds `limit`.
+
+        It is at least the square of the rotation's part of the error by the largest variance of it, so by their sum; of
+        the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
+        difference is at most twice the sum of both.
+        """
+        turn, shift = (2.0 * np.trace(self._own[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
+        positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
+        apart = cdist(positions[rows], positions[others], "sqeuclidean")
+        angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
+        return np.asarray(
+            (apart <= limit * (shift[rows, None] + shift[others]))
+            & (angles**2 <= limit * (turn[rows, None] + turn[others]))
+        )
 
     def chance_distances(self) -> FloatArray:
         """Sorted squared distances `(M,)` between closures recombined of those given: what unrelated ones would have.
