@@ -79,12 +79,14 @@ def processor_s() -> float:
 
 def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float = 35.0) -> float:
     """Share of the pairs truly within the sensor's range that are kept, of robots that links join."""
+    boxes = {robot: (t.positions.min(axis=0), t.positions.max(axis=0)) for robot, t in truth.items()}
     true = kept = 0
     for pairs in result.pairs:
         if pairs.predicts is None:
             continue
         a, b = truth[pairs.robot_a].positions, truth[pairs.robot_b].positions
-        if np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > 2000.0:
+        (low_a, high_a), (low_b, high_b) = boxes[pairs.robot_a], boxes[pairs.robot_b]
+        if np.linalg.norm(np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)) > true_m:
             continue
         near = np.linalg.norm(a[:, None] - b[None], axis=2) <= true_m
         true, kept = true + int(near.sum()), kept + int(near[pairs.index_a, pairs.index_b].sum())

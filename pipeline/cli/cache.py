@@ -17,6 +17,8 @@ def cache(
     """Show or delete the results of stages that earlier runs kept for later ones.
 
     The environment says where they are kept (WICLOSURE_CACHE) and how large they may grow in all (WICLOSURE_CACHE_GB).
+
+    Example: wiclosure cache --clear
     """
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
