@@ -13,7 +13,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.factor_graph.earth_factors import Ground
 from wiclosure.backends.factor_graph.factors import Keys
-from wiclosure.display import closure_columns, data_frame, html_table, plot_paths
+from wiclosure.display import closure_columns, data_frame, html_table, listed, plot_paths
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, survivors
 
@@ -50,7 +50,7 @@ class GraphResult:
     ground: Ground = field(default_factory=Ground)
 
     def __repr__(self) -> str:
-        joined = "; ".join(" and ".join(component) for component in self.components)
+        joined = "; ".join(listed(component) for component in self.components)
         return f"GraphResult({joined}; {len(self.accepted)} of {len(self.closures)} closures accepted)"
 
     @property
@@ -65,7 +65,7 @@ class GraphResult:
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        rows = [("one map", " and ".join(component)) for component in self.components]
+        rows = [("one map", listed(component)) for component in self.components]
         rows.append(("closures", f"{len(self.accepted)} of {len(self.closures)} accepted"))
         return html_table("pose graph", [*rows, *(("remark", sentence) for sentence in self.diagnosis)])
 

@@ -26,6 +26,7 @@ from wiclosure.backends.factor_graph.factors import (
     with_factors,
 )
 from wiclosure.backends.factor_graph.radio_factors import radio_factors
+from wiclosure.display import listed
 from wiclosure.errors import InputError
 from wiclosure.types import BoolArray, Closure, EarthMeasurements, FloatArray, RadioLinks, Residual, Stage, Trajectory
 
@@ -226,7 +227,7 @@ def _connection_report(
     lost = sum(map(len, sets)) - sum(map(len, kept))
     sentences = [f"the estimate rejected {lost} of {sum(map(len, sets))} closures"] if lost else []
     for group in groups[1:]:
-        names, verb = " and ".join(group), "stays" if len(group) == 1 else "stay"
+        names, verb = listed(group), "stays" if len(group) == 1 else "stay"
         frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
         sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {verb} in {frame}")
     return tuple(sentences)
