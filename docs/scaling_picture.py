@@ -43,7 +43,8 @@ def main() -> None:
     rows = sorted((row for row in rows if row["jobs"] == 1), key=lambda row: row["robots"])
     robots = [row["robots"] for row in rows]
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10.5, 3.2), layout="constrained", facecolor="white")
-    curve(left, robots, [1e3 * row["processor_s"] / row["meeting"] for row in rows], "ms of one core per meeting pair", "{:.0f}")
+    a_pair_ms = [1e3 * row["processor_s"] / row["meeting"] for row in rows]
+    curve(left, robots, a_pair_ms, "ms of one core per meeting pair", "{:.0f}")
     curve(middle, robots, [row["processor_s"] for row in rows], "seconds of one core", "{:.0f}")
     curve(right, robots, [row["peak_mb"] / 1e3 for row in rows], "peak memory, GB", "{:.1f}")
     figure.savefig(folder / "scaling.png", dpi=110)
