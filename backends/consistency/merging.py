@@ -109,9 +109,13 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
     known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
     if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
-        fitting = sigma_scale.of_residuals(_own(robots, everything, limit).redundant, robots.degrees)
+        as_stated = _own(robots, everything, limit)
+        fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
         if fitting is not None and fitting <= sigma_scale.NO_MATTER:
-            return sigma_scale.settled(fitting, most)
+            wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
+            under_wider = _own(robots.scaled(wider), everything.scaled(wider), limit)
+            if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
+                return sigma_scale.settled(fitting, most)
     for _ in range(REFINEMENTS):
         if known is None:
             break

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from wiclosure.backends.sets.alignment import ClosureComparison, ConsistentSet
 from wiclosure.types import FloatArray
 
-SATURATED = 5  # closures beyond which a set is no more certain: one look-alike street yields any number
+SATURATED = 5  # places beyond which a set is no more certain: one look-alike street yields any number
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
 SPANNED_LESS = 0.01  # share of the sets of closures at any places that span less than `least_span`
 
@@ -45,6 +45,8 @@ class CandidateSet:
         objection: why the pair alone does not settle it; empty if it does.
         coverage: share of both paths that the closures' ends span.
         support, contradiction: of cycles over third groups.
+        places: of its closures, each within a view: neighbours of one look-alike place agree for one reason.
+        frame, noise, wander: where the second group lies in the first by all of its closures (`Claims.mean_frame`).
     """
 
     a: int
@@ -57,21 +59,22 @@ class CandidateSet:
     support: float = 0.0
     contradiction: float = 0.0
     refutation: str = ""
+    places: int = field(init=False)
     frame: FloatArray = field(init=False)
     noise: FloatArray = field(init=False)
     wander: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        claims, medoid = self.comparison.claims, self.closure_set.medoid
-        self.frame, self.noise, self.wander = claims.frames[medoid], claims.noise[medoid], claims.wander[medoid]
+        claims, self.places = self.comparison.claims, len(self)
+        self.frame, self.noise, self.wander = claims.mean_frame(self.closure_set.rows, self.closure_set.medoid)
 
     def __len__(self) -> int:
         return len(self.closure_set)
 
     @property
     def weight(self) -> float:
-        """What it counts for against others: its closures, by the share of the paths that they span."""
-        return min(len(self), SATURATED) * max(self.coverage, LEAST_COVERAGE)
+        """What it counts for against others: the places of its closures, by the share of the paths that they span."""
+        return min(self.places, SATURATED) * max(self.coverage, LEAST_COVERAGE)
 
     @property
     def strength(self) -> float:

@@ -75,6 +75,24 @@ class Claims:
             both / np.sqrt(max(samples - DEGREES - 1, 1))
         )  # the inverse of a sampled covariance is larger
 
+    def mean_frame(self, rows: IntArray, near: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`T_A_B` by the closures at `rows` together, each weighted by its own information.
+
+        Args:
+            rows: closures that agree.
+            near: one of them: its frame is where the others are linearised.
+
+        Returns:
+            The frame `(4, 4)`, and of its error in B the covariance `(6, 6)` by the measurements and the samples
+            `(6, S)` by the ends' poses, which the closures share.
+        """
+        noise, wander = self.noise[rows], self.wander[rows]
+        information = np.linalg.inv(noise + wander @ np.swapaxes(wander, 1, 2))
+        gain = np.linalg.solve(information.sum(axis=0), information)
+        apart = se3.log(se3.between(self.frames[near], self.frames[rows]))
+        frame = self.frames[near] @ se3.exp(np.einsum("nij,nj->i", gain, apart))
+        return frame, np.einsum("nij,njk,nlk->il", gain, noise, gain), np.einsum("nij,njs->is", gain, wander)
+
     def distances(self, rows: IntArray, beyond: float) -> FloatArray:
         """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all.
 

@@ -10,7 +10,7 @@ from wiclosure import se3
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
 from wiclosure.backends.sets.alignment import ClosureComparison
-from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, CandidateSet, Places
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED, CandidateSet, Places
 from wiclosure.backends.sets.claims import Claims
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.types import IntArray
@@ -53,6 +53,7 @@ def sets_between(
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
         candidate.coverage = _coverage(robots, candidate, group, settled)
+        candidate.places = _places(robots, candidate)
         candidate.objection = _objection(robots, candidate, settings.min_size)
     _compare_sizes(found, settings.ambiguous_share)
     return found
@@ -93,6 +94,18 @@ def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled:
         extents[side] = np.linalg.norm(np.ptp(positions, axis=0))
     along = stretches.max() / max(float(np.sqrt(lengths.prod())), 1e-9)
     return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))
+
+
+def _places(robots: Robots, candidate: CandidateSet) -> int:
+    """How many closures, up to `SATURATED`, lie no view apart from each other along either path."""
+    left = np.stack([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]], axis=1)
+    left = left[np.lexsort((left[:, 1], left[:, 0]))]
+    count = 0
+    while len(left) and count < SATURATED:
+        near = (robots.robot[left] == robots.robot[left[0]]).all(axis=1)
+        near &= (np.abs(robots.along_m[left] - robots.along_m[left[0]]) < VIEW_STEPS * robots.step_m).all(axis=1)
+        left, count = left[~near], count + 1
+    return max(count, 1)
 
 
 def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:

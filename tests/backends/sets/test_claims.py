@@ -69,3 +69,25 @@ def test_a_chance_too_small_to_count_falls_with_the_volume(dimensions, magnitude
 
 def test_without_recombined_closures_anything_may_be_chance():
     assert chance_to_agree(np.zeros(0), 16.8, 1) == 1.0
+
+
+def test_the_mean_frame_is_as_sharp_as_its_closures_together():
+    """Errors of many teams are as the covariance says: chi-square with six degrees of freedom."""
+    rng, n, distances = np.random.default_rng(6), 9, []
+    for _ in range(200):
+        frame, noise, wander = claims(rng, n).mean_frame(np.arange(n), 0)
+        error = se3.log(frame[None])[0]
+        distances.append(error @ np.linalg.solve(noise + wander @ wander.T, error))
+        assert np.trace(noise) < np.trace(claims(rng, n).noise[0])
+    assert np.mean(distances) == pytest.approx(6.0, rel=0.15)
+
+
+def test_errors_that_the_ends_share_stay_in_the_mean_frame():
+    """Averaging takes nothing away from what all closures have in common."""
+    of = claims(np.random.default_rng(7), 9)
+    drift = np.tile(np.random.default_rng(8).normal(0, [*3 * [0.001], *3 * [1.0]], (100, 6)).T, (9, 1, 1))
+    shared = Claims(of.T_A_a, of.T_B_b, of.T_a_b, of.covariance, drift, np.zeros_like(drift))
+    _, noise, wander = shared.mean_frame(np.arange(9), 0)
+    alone = shared.wander[0]
+    np.testing.assert_allclose(wander @ wander.T, alone @ alone.T, rtol=0.1, atol=0.01)
+    assert np.trace(noise) < np.trace(shared.noise.mean(axis=0))

@@ -114,3 +114,12 @@ def test_places_are_the_nodes_of_a_group():
     places = places_of_groups(robots, np.array([0, 1, 0]), estimate)
     assert {g: len(poses) for g, (poses, _) in places.items()} == {0: 2 * NODES, 1: NODES}
     np.testing.assert_array_equal(places[1][0], estimate.poses[NODES : 2 * NODES])
+
+
+def test_neighbouring_closures_count_as_one_place():
+    """However many they are: they agree with each other for one reason."""
+    (beside,) = sets([(0, 10 + n, 1, 20 + n) for n in range(6)])
+    (apart,) = sets([(0, 12 * n, 1, 12 * n) for n in range(3)])
+    (one_passes,) = sets([(0, 5, 1, 12 * n) for n in range(3)])
+    assert (beside.places, apart.places, one_passes.places) == (1, 3, 3)
+    assert beside.weight < apart.weight
