@@ -68,7 +68,7 @@ def filter_table(result: FilterResult) -> Table:
     for pairs in result.pairs:
         table.add_row(f"  {pairs.robot_a}-{pairs.robot_b}", f"{len(pairs):,}")
     for found in result.alignments:
-        certainty = "ambiguous" if found.ambiguous else "unambiguous"
+        certainty = "not certain" if found.ambiguous else "certain"
         table.add_row(f"{found.robot_a}-{found.robot_b}", f"alignment {certainty}: {found.reason}")
     table.add_row("seconds", f"{result.seconds:.2f}")
     _add_remarks(table, result.diagnosis)
