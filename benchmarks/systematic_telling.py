@@ -9,6 +9,7 @@ which a fault is named (1000 to 1) and its rarity (1 log in 50) together.
 from __future__ import annotations
 
 import numpy as np
+from scipy import optimize
 from systematic_faults import Case, Fault
 from systematic_worlds import AOA_SIGMA_RAD, RANGE_SIGMA_M, World, wrap
 
@@ -30,8 +31,7 @@ def tellable(world: World, fault: Fault, rng: np.random.Generator) -> bool:
     seen = a.positions[rows, :2] + ranges[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     since = (a.stamps_ns[rows] - b.stamps_ns[0]) / 1e9
     at_b = np.column_stack([np.interp(since, (b.stamps_ns - b.stamps_ns[0]) / 1e9, b.positions[:, k]) for k in (0, 1)])
-    sigma_m = np.maximum(RANGE_SIGMA_M, AOA_SIGMA_RAD * ranges)
-    return HEARD * _chi2(seen, at_b, sigma_m) > LEAST_CHI2
+    return HEARD * _chi2(seen, at_b, azimuth, ranges) > LEAST_CHI2
 
 
 def _exact(world: World) -> WirelessLog:
@@ -54,10 +54,16 @@ def _exact(world: World) -> WirelessLog:
     )
 
 
-def _chi2(seen: FloatArray, at_b: FloatArray, sigma_m: FloatArray) -> float:
-    """By which the best rigid transform of `at_b (M, 2)` misses `seen (M, 2)`."""
+def _chi2(seen: FloatArray, at_b: FloatArray, azimuth: FloatArray, ranges: FloatArray) -> float:
+    """By which the best rigid transform of `at_b (M, 2)` misses `seen (M, 2)`, along and across what was measured."""
+    along = np.exp(-1j * azimuth)
     p, q = (points[:, 0] + 1j * points[:, 1] for points in (seen, at_b))
-    weight = sigma_m**-2.0
-    p, q = (points - np.average(points, weights=weight) for points in (p, q))
-    turn = np.exp(1j * np.angle(np.sum(weight * p * np.conj(q))))
-    return float(np.sum(weight * np.abs(p - turn * q) ** 2))
+    across_m = np.maximum(AOA_SIGMA_RAD * ranges, RANGE_SIGMA_M)
+
+    def missed(transform: FloatArray) -> FloatArray:
+        off = (p - np.exp(1j * transform[0]) * q - transform[1] - 1j * transform[2]) * along
+        return np.concatenate([off.real / RANGE_SIGMA_M, off.imag / across_m])
+
+    turn = float(np.angle(np.sum((p - p.mean()) * np.conj(q - q.mean()))))
+    shift = p.mean() - np.exp(1j * turn) * q.mean()
+    return 2 * float(optimize.least_squares(missed, [turn, shift.real, shift.imag]).cost)
