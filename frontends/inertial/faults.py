@@ -82,6 +82,8 @@ def wrong_rates(imu: ImuLog, odometry: Trajectory, rates: TurningRates) -> str:
     """Turning rates against those of the odometry: clock, unit, or another body altogether."""
     if not rates.tells:
         return ""
+    if not np.ptp(imu.turning_rate, axis=0).any():
+        return "its turning rates never change, so nothing tells whether its clock and axes are right"
     offset_s, best = clock_offset_s(imu, odometry)
     explains = 1.0 - best**2 < BETTER_EXPLAINED * (1.0 - rates.correlation**2)
     if abs(offset_s) > LATE_S and best > CORRELATED and explains:
