@@ -112,7 +112,9 @@ def fit_gravity(
     long = np.abs(np.linalg.norm(vectors, axis=1) - STANDARD_GRAVITY) <= LENGTH_SIGMAS * spread
     left = vectors - smoothed
     good = long & (np.linalg.norm(left, axis=1) <= ASIDE_SIGMAS * spread)
-    return GravityFit(windows, vectors, smoothed, noise, shared[:3], covariance[:3, :3], good, _excess(left[good], noise))
+    return GravityFit(
+        windows, vectors, smoothed, noise, shared[:3], covariance[:3, :3], good, _excess(left[good], noise)
+    )
 
 
 def _excess(left: FloatArray, noise: float) -> float:
