@@ -25,17 +25,17 @@ from kitti import Team as Drive
 from scipy.spatial import cKDTree
 
 from wiclosure import se3
-from wiclosure.backends.clique import consistency_matrix
 from wiclosure.backends.closure_sets import ClosureSet, closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
-from wiclosure.backends.cycles import Cycles
-from wiclosure.backends.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
-from wiclosure.backends.frames import initial_frames
+from wiclosure.backends.consistency.clique import consistency_matrix
+from wiclosure.backends.consistency.cycles import Cycles
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.frames import initial_frames
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.estimate.pose_graph import optimise
+from wiclosure.backends.estimate.streaming import StreamingBackEnd
+from wiclosure.backends.factor_graph.factors import Keys, anchor, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.graph_files.team import read_graphs
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
-from wiclosure.backends.streaming import StreamingBackEnd
 from wiclosure.drift import DriftModel
 from wiclosure.max_clique import max_clique
 from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory

@@ -11,6 +11,7 @@ from functools import partial
 from itertools import combinations
 
 import gtsam
+import networkx as nx
 import numpy as np
 from graphs import (
     FILES,
@@ -29,9 +30,9 @@ from graphs import (
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.types import BoolArray, Closure, FloatArray, KeyframeId, Stage, Trajectory
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)  # closures here state their covariance in full
@@ -204,7 +205,8 @@ def many(arguments: argparse.Namespace) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(
             f"{robots} robots, {robots * poses} poses, {len(of.closures)} closures, 20 % false:"
-            f" {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components,"
+            f" {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components (true closures make"
+            f" {_joinable(of)}),"
             f" {found.seconds:.1f} s (goal {3 if robots == 16 else 60} s), {peak:.1f} GB (goal 4)",
             flush=True,
         )
@@ -389,6 +391,15 @@ def _shares(totals: np.ndarray) -> str:
 
 def _whole(result: GraphResult) -> bool:
     return len(result.components) == 1
+
+
+def _joinable(of: CutTeam) -> int:
+    """Components that the true closures make."""
+    joined: nx.Graph[str] = nx.Graph()
+    joined.add_nodes_from(of.odometry)
+    true = (c for c, is_true in zip(of.closures, of.true, strict=True) if is_true)
+    joined.add_edges_from((c.query.robot, c.match.robot) for c in true)
+    return nx.number_connected_components(joined)
 
 
 def _against_clean(of: CutTeam, result: GraphResult) -> float:

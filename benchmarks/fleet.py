@@ -1,18 +1,20 @@
 """Large teams, and the same run on a cluster.
 
     python benchmarks/fleet.py [--rows filter,overhead,efficiency,killed,memory] [--robots 10,30,100] [--jobs 1]
-        [--scenario demo-site] [--scans 60] [--kills 10] [--seed 0]
+        [--scenario demo-site] [--scans 60] [--kills 10] [--seed 0] [--csv docs/scaling.csv]
 
 `filter`: robots with 500 keyframes each in a plan of a city that grows with them, four links for each robot, 20
-measurements a link (`fleet_world.py`); each size in a fresh process.  The other rows run a simulated scenario, each run
-with an empty cache: `overhead` of `--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one;
-`killed`: a worker killed at random moments of a run; `memory` of this process while odometry is done by workers, for so
-many scans and for half of them.
+measurements a link (`fleet_world.py`); each size in a fresh process, and added to the table `--csv`, from which
+`docs/scaling_picture.py` draws.  The other rows run a simulated scenario, each run with an empty cache: `overhead` of
+`--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one; `killed`: a worker killed at
+random moments of a run; `memory` of this process while odometry is done by workers, for so many scans and for half of
+them.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import random
 import resource
@@ -51,7 +53,10 @@ def load() -> str:
     return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 
 
-def filter_of_a_fleet(robots: int, jobs: int, seed: int) -> None:
+COLUMNS = ("robots", "jobs", "links", "meeting", "wall_s", "processor_s", "peak_mb", "kept", "total", "recall")
+
+
+def filter_of_a_fleet(robots: int, jobs: int, seed: int, table: Path | None) -> None:
     """One row; in a process of its own, for its peak of memory."""
     team = fleet(robots, seed=seed)
     links = {(m.receiver, m.transmitter) for m in team.wireless.measurements}
@@ -62,14 +67,20 @@ def filter_of_a_fleet(robots: int, jobs: int, seed: int) -> None:
     result = chosen.candidates(team.odometry, team.wireless)
     seconds, spent = time.perf_counter() - began, processor_s() - spent
     meeting = sum(len(pairs) > 0 for pairs in result.pairs if pairs.predicts is not None)
-    lost = recall(result, team.truth)
+    peak_mb, kept_share = peak_rss_mb(), recall(result, team.truth)
     print(
         f"{robots:5d} robots, {len(links):5d} links, {sum(not a.ambiguous for a in result.alignments):5d} certain,"
         f" {meeting:5d} pairs of robots meet: {seconds:7.1f} s ({spent:7.1f} s of processor time,"
-        f" {1e3 * spent / max(meeting, 1):6.1f} ms a meeting pair), peak {peak_rss_mb():6.0f} MB;"
-        f" {result.pairs_kept} of {result.pairs_total} pairs kept, recall {lost:.4f}; {load()}",
+        f" {1e3 * spent / max(meeting, 1):6.1f} ms a meeting pair), peak {peak_mb:6.0f} MB;"
+        f" {result.pairs_kept} of {result.pairs_total} pairs kept, recall {kept_share:.4f}; {load()}",
         flush=True,
     )
+    if table is not None:
+        measured = (f"{seconds:.1f}", f"{spent:.1f}", f"{peak_mb:.0f}")
+        row = (robots, jobs, len(links), meeting, *measured, result.pairs_kept, result.pairs_total, f"{kept_share:.4f}")
+        new = not table.exists()
+        with table.open("a", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, row] if new else [row])
 
 
 def processor_s() -> float:
@@ -79,12 +90,14 @@ def processor_s() -> float:
 
 def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float = 35.0) -> float:
     """Share of the pairs truly within the sensor's range that are kept, of robots that links join."""
+    boxes = {robot: (t.positions.min(axis=0), t.positions.max(axis=0)) for robot, t in truth.items()}
     true = kept = 0
     for pairs in result.pairs:
         if pairs.predicts is None:
             continue
         a, b = truth[pairs.robot_a].positions, truth[pairs.robot_b].positions
-        if np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > 2000.0:
+        (low_a, high_a), (low_b, high_b) = boxes[pairs.robot_a], boxes[pairs.robot_b]
+        if np.linalg.norm(np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)) > true_m:
             continue
         near = np.linalg.norm(a[:, None] - b[None], axis=2) <= true_m
         true, kept = true + int(near.sum()), kept + int(near[pairs.index_a, pairs.index_b].sum())
@@ -189,15 +202,17 @@ def main() -> None:
     parser.add_argument("--scans", type=int, default=60)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--csv", type=Path)
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one is not None:
-        filter_of_a_fleet(arguments.one, arguments.jobs, arguments.seed)
+        filter_of_a_fleet(arguments.one, arguments.jobs, arguments.seed, arguments.csv)
         return
     rows = arguments.rows.split(",")
     if "filter" in rows:
         for robots in arguments.robots.split(","):
             own = ["--one", robots, "--jobs", str(arguments.jobs), "--seed", str(arguments.seed)]
+            own += ["--csv", str(arguments.csv)] if arguments.csv else []
             subprocess.run([sys.executable, __file__, *own], check=True)
     if "overhead" in rows:
         overhead(arguments.scenario, arguments.scans)

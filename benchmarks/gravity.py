@@ -28,8 +28,8 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.backends.config import PcmSettings
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.config import (
     IntraRobotLoopSettings,

@@ -32,7 +32,14 @@ from wiclosure.types import AoaFrame, AoaPath, Heading, Scan, Trajectory, Wirele
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 FEET = 3.28084
 LIMIT, SLACK_M = 1.05, 0.05
-NAMED = ("the likely fault", "the radio may be at fault", "--accept-correction")
+NAMED = (
+    "the likely fault",
+    "the radio may be at fault",
+    "--accept-correction",
+    "systematic error beyond the usual: azimuth",
+    "systematic error beyond the usual: range",
+    "systematic error beyond the usual: clock",
+)
 
 
 # Faults of a log ---------------------------------------------------------------------------------------------------
@@ -203,7 +210,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", default=",".join([*SCENARIOS, "kitti-0005"]))
     parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of the simulated world")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--show", action="store_true", help="print the diagnosis of every run")
     arguments = parser.parse_args()

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
 from wiclosure.frontends.kiss_odometry import KissOdometry
 from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe

@@ -6,7 +6,9 @@ One fault at a time (`systematic_faults.py`), in worlds of their own (`systemati
 wrong*: the filter calls the alignment certain, it is off by more than 4 m or 25 degrees at the middle of the meeting,
 and it either lies beyond its own 3 sigma or loses more than 5 % of the pairs within 35 m.  *Pruned*: not certain, but
 the pairs of a few alignments that are possible are kept, and *lost* counts those that lose more than 5 % of the near
-pairs.  *Named*: a sentence of the diagnosis says what the fault seems to be; *listed*: or that it would fit as well.
+pairs.  *Tellable*: logs in which the paths tell the fault at all (`systematic_telling.py`); *told*: of these, those in
+which a sentence of the diagnosis says what the fault seems to be; *named*: the same of all logs; *listed*: of all logs,
+those in which one says at least that it would fit as well.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from systematic_faults import FAULTS, UNSEEN, Case, Fault
+from systematic_telling import tellable
 from systematic_worlds import WORLDS, World, drifted, listen, wrap
 
 from wiclosure import se3
@@ -27,7 +30,7 @@ NEAR_M, WRONG_M, WRONG_RAD = 35.0, 4.0, np.radians(25.0)
 
 @dataclass
 class Score:
-    """Of all trials of one fault: numbers of pairs of robots, and of trials in which the fault is named or listed."""
+    """Of all trials of one fault: numbers of pairs of robots, and of trials that tell the fault or name it."""
 
     trials: int = 0
     pairs: int = 0
@@ -35,6 +38,8 @@ class Score:
     wrong: int = 0
     pruned: int = 0
     lost: int = 0
+    tellable: int = 0
+    told: int = 0
     named: int = 0
     listed: int = 0
     crashed: list[str] = field(default_factory=list)
@@ -42,7 +47,9 @@ class Score:
 
     def row(self, fault: Fault) -> str:
         """As the table shows it."""
-        told = f"{self.named / self.trials:6.0%} {self.listed / self.trials:6.0%}" if fault.words else "     -      -"
+        told = f"{'-':>9} {'-':>5} {'-':>6} {'-':>6}"
+        if fault.words:
+            told = f"{self.tellable:9d} {self.told:5d} {self.named:6d} {self.listed:6d}"
         return (
             f"{fault.name:28} {self.certain:8d} {self.wrong:6d} {fault.goal:5d} {self.pruned:7d} {self.lost:5d} {told}"
             f" {1000 * self.seconds / self.trials:6.0f}  {self.pairs}"
@@ -55,12 +62,15 @@ def make(world: World, fault: Fault, rng: np.random.Generator) -> Case:
     return fault.spoil(Case(world.truth, odometry, listen(world, fault.hearing, rng)), rng)
 
 
-def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score) -> None:
-    """Adds a trial's outcome."""
+def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score, *, tells: bool = False) -> None:
+    """Adds a trial's outcome; `tells` whether the fault can be told."""
     score.trials += 1
     score.seconds += result.seconds
     said = [sentence.split("would fit as well")[0] for sentence in result.diagnosis]
-    score.named += any(word in sentence for word in fault.words for sentence in said)
+    score.tellable += tells
+    named = any(word in sentence for word in fault.words for sentence in said)
+    score.told += tells and named
+    score.named += named
     score.listed += any(word in sentence for word in fault.words for sentence in result.diagnosis)
     for alignment in result.alignments:
         score.pairs += 1
@@ -112,11 +122,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     words = [word for word in arguments.faults.split(",") if word]
-    print(
-        f"{'fault':28} {'certain':>8} {'wrong':>6} {'goal':>5} {'pruned':>7} {'lost':>5} {'named':>6} {'listed':>6}",
-        end="",
-    )
-    print(f" {'ms':>6}  of pairs")
+    columns = "fault:28 certain:8 wrong:6 goal:5 pruned:7 lost:5 tellable:9 told:5 named:6 listed:6 ms:6"
+    heads = (column.split(":") for column in columns.split())
+    print(" ".join(f"{name:{'' if name == 'fault' else '>'}{width}}" for name, width in heads), " of pairs")
     for fault in UNSEEN if arguments.unseen else FAULTS:
         if words and not any(word in fault.name for word in words):
             continue
@@ -124,9 +132,12 @@ def main() -> None:
         for world in arguments.worlds.split(","):
             for trial in range(arguments.trials):
                 rng = np.random.default_rng([arguments.seed, list(WORLDS).index(world), trial])
-                case = make(WORLDS[world](fault.robots, rng), fault, rng)
+                where = WORLDS[world](fault.robots, rng)
+                case = make(where, fault, rng)
+                tells = bool(fault.words) and tellable(where, fault, rng)
                 try:
-                    count_outcome(case, WiClosureFilter().candidates(case.odometry, case.log), fault, score)
+                    result = WiClosureFilter().candidates(case.odometry, case.log)
+                    count_outcome(case, result, fault, score, tells=tells)
                 except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
                     score.crashed.append(f"{world} {trial}: {error!r}")
         print(score.row(fault), flush=True)

@@ -105,7 +105,7 @@ class MatchingSettings(Settings):
         3,
         ge=0,
         description="the same where the filter, or a robot's own odometry, tells where they lie: a fifth of the"
-        " closures then gives the same map in a fifth of the time. Less where fewer than 10 would be left",
+        " closures then gives the same map in a fifth of the time. Less where fewer than 30 would be left",
     )
     budget: int | None = Field(
         None, ge=1, description="proposed closures of two robots; more are thinned out evenly along the paths"

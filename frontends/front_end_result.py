@@ -15,7 +15,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
 from wiclosure.frontends.slips import Slips, find_slips, lost_steps, opened
-from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory
+from wiclosure.types import BoolArray, Float32Array, FloatArray, IntArray, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +214,19 @@ class FrontEndResult:
         slips = self.slips + more
         odometry = opened(replace(self.odometry, step_covariances=None), slips)
         return replace(self, odometry=odometry, keyframes=odometry.keyframes(self.keyframe_indices), slips=slips)
+
+    def replaced(self, odometry: Trajectory, steps: BoolArray) -> Self:
+        """With another path, whose `steps (N - 1,)` are no longer this odometry's, nor its slips."""
+        kept = np.flatnonzero(self.slips.gross & ~steps[self.slips.index - 1])
+        slips = find_slips(replace(odometry, step_covariances=None)) + self.slips.subset(kept)
+        odometry = opened(replace(odometry, step_covariances=None), slips)
+        return replace(
+            self,
+            odometry=odometry,
+            scans=replace(self.scans, poses=odometry.at_or_beyond(self.scans.stamps_ns)),
+            keyframes=odometry.keyframes(self.keyframe_indices),
+            slips=slips,
+        )
 
     def moved(self, T_new_odom: FloatArray) -> Self:
         """The same in another frame of the odometry; clouds are in the body's axes and stay."""

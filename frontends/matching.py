@@ -25,7 +25,7 @@ from wiclosure.types import (
 
 _PAIRS_AT_ONCE = 1 << 18
 
-_ENOUGH = 10  # proposals that are not thinned further
+_ENOUGH = 30  # proposals of two robots that are not thinned further: registered in about a second
 
 # Beyond some metres scan context no longer tells near from far, the prediction does: 10 m count as 0.1 of distance.
 _METRES_AS_UNLIKE_AS_CAN_BE = 100.0

@@ -48,11 +48,15 @@ class Slips:
         return len(self.index)
 
     def __add__(self, more: Slips) -> Slips:
-        """Both, each step once."""
-        new = ~np.isin(more.index, self.index)
-        order = np.argsort(np.concatenate([self.index, more.index[new]]), kind="stable")
-        columns = (np.concatenate([getattr(self, of.name), getattr(more, of.name)[new]])[order] for of in fields(self))
-        return Slips(*columns)
+        """Both, each step once: as the one has it that trusts it less."""
+        both = Slips(*(np.concatenate([getattr(self, of.name), getattr(more, of.name)]) for of in fields(self)))
+        order = np.lexsort((-both.departure_m - both.departure_rad, ~both.gross, both.index))
+        _, first = np.unique(both.index[order], return_index=True)
+        return both.subset(order[first])
+
+    def subset(self, rows: IntArray) -> Slips:
+        """Some of the steps."""
+        return Slips(*(getattr(self, of.name)[rows] for of in fields(self)))
 
     @classmethod
     def none(cls) -> Slips:

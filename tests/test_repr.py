@@ -7,9 +7,9 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.merged_map import MergedMap
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.estimate.pose_graph import optimise
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.types import (

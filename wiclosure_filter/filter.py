@@ -173,7 +173,7 @@ class WiClosureFilter:
     def search(self, shared: SharedTrajectory) -> dict[RobotPair, CandidatePairs]:
         """Pairs of keyframes of all robots that the estimates join."""
         gate = make_gate(self.settings.gate)
-        near = sorted(shared.may_meet(gate), key={pair: n for n, pair in enumerate(shared.estimates)}.__getitem__)
+        near = shared.by_rank(shared.may_meet(gate))
         models = ((pair, shared.estimates[pair].models(*pair, gate)) for pair in near)
         found = dict(side_by_side.searches(models, len(near), self.settings.gate, self.workers))
         return {pair: self._kept(pair, found.get(pair, NOTHING), joint) for pair, joint in shared.estimates.items()}
@@ -277,12 +277,10 @@ def _as_predicted(
 ) -> tuple[FrameAlignment, ...]:
     """What the predictions imply at the middle of each meeting, with their covariance; unused ones as they are."""
     links = {(used.robot_a, used.robot_b): used for used in shared.links}
-    return tuple(
-        _at_meeting(one, links[pair], shared.estimates[pair], trajectories)
-        if (pair := (one.robot_a, one.robot_b)) in links and pair in shared.estimates
-        else one
-        for one in alignments
-    )
+    found = {(one.robot_a, one.robot_b): one for one in alignments}
+    for pair in shared.by_rank(pair for pair in found if pair in links and pair in shared.estimates):
+        found[pair] = _at_meeting(found[pair], links[pair], shared.estimates[pair], trajectories)
+    return tuple(found.values())
 
 
 def _at_meeting(

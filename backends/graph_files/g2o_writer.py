@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
-from wiclosure.backends.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
-from wiclosure.backends.factors import Keys
-from wiclosure.backends.graph_result import GraphResult
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.factor_graph.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
+from wiclosure.backends.factor_graph.factors import Keys
 from wiclosure.errors import OutputError
 from wiclosure.types import Closure, FloatArray, measured_poses
 

@@ -17,6 +17,8 @@ def cache(
     """Show or delete the results of stages that earlier runs kept for later ones.
 
     The environment says where they are kept (WICLOSURE_CACHE) and how large they may grow in all (WICLOSURE_CACHE_GB).
+
+    Example: wiclosure cache --clear
     """
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
@@ -30,12 +32,15 @@ def cache(
         typer.echo(json.dumps(content, indent=2))
         return
     total = sum(stage.size_bytes for stage in stock)
-    table = Table(title=f"{kept.folder}: {_megabytes(total)} of at most {_megabytes(kept.limit_bytes)}")
+    table = Table(title=str(kept.folder), title_justify="left", title_style="bold")
     table.add_column("stage")
     table.add_column("entries", justify="right")
     table.add_column("size", justify="right")
     for stage in stock:
         table.add_row(stage.stage, str(stage.entries), _megabytes(stage.size_bytes))
+    table.add_section()
+    table.add_row("in all", str(sum(stage.entries for stage in stock)), _megabytes(total))
+    table.add_row("at most", "", _megabytes(kept.limit_bytes))
     show(table)
 
 

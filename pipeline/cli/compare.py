@@ -81,7 +81,10 @@ def demo(
     seed: Annotated[int, typer.Option("--seed", help="each seed gives another world")] = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data."""
+    """Simulate two robots, write their bags, and merge them with the wireless filter off and on.  Needs no data.
+
+    Example: wiclosure demo --out results/demo
+    """
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
     from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario

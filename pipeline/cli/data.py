@@ -112,6 +112,8 @@ def info(
     """Show what a recording, data set, radio log or folder of them holds, and what of it a run would use.
 
     Of a recording: topics, types, counts, duration, point fields.
+
+    Example: wiclosure info ~/data/site
     """
     from wiclosure.pipeline.data.folders.overview import overview, recording_overview
     from wiclosure.pipeline.report.tables import overview_table, recording_table

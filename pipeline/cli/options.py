@@ -175,8 +175,8 @@ class SideBySide:
             "-j",
             "--jobs",
             min=1,
-            help="number of processes: one per robot for odometry, further ones read scans ahead; then pairs of robots,"
-            " and registrations",
+            help="number of processes: one per robot for odometry and simulation, further ones read scans ahead; then"
+            " pairs of robots, and registrations",
         ),
     ] = 1
     cluster: Annotated[
@@ -185,7 +185,7 @@ class SideBySide:
             "--cluster",
             metavar="ADDRESS",
             help="dask scheduler whose workers do the work: tcp://HOST:PORT, tls://HOST:PORT, or local:N to start N"
-            " here; all machines must share the cache's folder",
+            " here; all machines must share the cache's folder (simulate: that of --out)",
             show_default=False,
         ),
     ] = None

@@ -183,7 +183,10 @@ def eval_command(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="folder that `wiclosure run` wrote")],
     as_json: AsJson = False,
 ) -> None:
-    """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms."""
+    """Compare a finished run with ground truth again: joint ATE, ATE per robot, RPE, inter-robot transforms.
+
+    Example: wiclosure eval results/latest
+    """
     from wiclosure.pipeline.evaluation.evaluate import evaluate_trajectories
     from wiclosure.pipeline.report.tables import trajectory_table
     from wiclosure.pipeline.report.terminal import show
@@ -204,7 +207,10 @@ def dump_config_command(
     set_: Set = None,
     presets: Annotated[bool, typer.Option("--presets", help="list the names of the presets instead")] = False,
 ) -> None:
-    """Print the resolved configuration as YAML, every key with its unit and meaning."""
+    """Print the resolved configuration as YAML, every key with its unit and meaning.
+
+    Example: wiclosure dump-config --config small-site --set keyframes.distance_m=2
+    """
     from wiclosure.pipeline import config as configuration
     from wiclosure.pipeline.presets import preset_names
 

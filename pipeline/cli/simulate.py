@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from wiclosure.pipeline.cli.options import NewFolder, Overwrite, Quiet, Working, grouped
+from wiclosure.pipeline.cli.options import NewFolder, Overwrite, Quiet, SideBySide, Working, grouped
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +103,7 @@ def simulate(
     scenario: Annotated[str, typer.Argument(help="demo-site, shell-space, city, kitti08, campus, static-mirror")],
     out: NewFolder,
     options: ScenarioOptions,
+    side_by_side: SideBySide,
     recording_format: Annotated[
         str, typer.Option("--format", help="ros1, ros2-mcap, ros2-sqlite3, kitti")
     ] = "ros2-mcap",
@@ -121,14 +122,16 @@ def simulate(
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.runtime.output import whole_folder
+    from wiclosure.pipeline.runtime.processes import local_workers
     from wiclosure.simulation.scenarios import make_scenario
 
     require_format(recording_format)
-    with warnings_on_terminal():
+    with warnings_on_terminal(), side_by_side.on_cluster() as cluster:
         made = make_scenario(scenario, scenario_settings(options.words(), f"simulate {scenario}"))
         with whole_folder(out, overwrite=overwrite) as scratch:
             formats = dict.fromkeys(made.robots, recording_format)
-            write_scenario(made, scratch, formats, progress=Working(quiet=quiet).progress)
+            workers = cluster or local_workers(side_by_side.jobs)
+            write_scenario(made, scratch, formats, progress=Working(quiet=quiet).progress, workers=workers)
             draw_plan(made, scratch / "plan.png")
     if not quiet:
         show(f"{len(made.robots)} robots in {out}; merge them with: wiclosure run {out}")

@@ -31,7 +31,7 @@ def log_and_trajectories(
             if path is None:
                 raise ConfigError(
                     f"{robot} has neither odometry nor ground_truth to check the radio with; give --trajectory"
-                    f" {robot}=FILE, as {robot}_odometry.tum of a run's folder"
+                    f" {robot}=FILE, as {robot}_odometry.tum of a run's folder (a radio log: --wireless FILE)"
                 )
             named[robot] = path
         return dataset.wireless_log(salvage=salvage), named, _only(dataset.wireless)

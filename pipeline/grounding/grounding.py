@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
-from wiclosure.backends.graph_result import GraphResult
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.factor_graph.earth_factors import OUTVOTED, weights_of_fixes, weights_of_up
 from wiclosure.frontends.front_end import FrontEndResult
+from wiclosure.frontends.inertial.bridging import bridged
 from wiclosure.frontends.inertial.estimate import UpEstimate, estimate_up
 from wiclosure.geodesy import enu_of
 from wiclosure.pipeline.config import EarthSettings
-from wiclosure.pipeline.data.inputs import GnssInput, Inputs
+from wiclosure.pipeline.data.inputs import GnssInput, ImuInput, Inputs
 from wiclosure.pipeline.evaluation.metrics import EarthMetrics
 from wiclosure.types import EarthMeasurements, FloatArray, PositionFixes, Trajectory
 
@@ -54,11 +55,11 @@ def grounded(fronts: Mapping[str, FrontEndResult], inputs: Inputs, settings: Ear
     for robot in inputs.robots:
         if robot.imu is None or not settings.gravity:
             continue
-        front = fronts[robot.robot]
-        found = estimate_up(robot.imu.log, front.odometry, front.keyframes, robot.imu.T_lidar_imu)
+        front, found, told = _with_imu(robot.imu, fronts[robot.robot])
         if len(found.slips):
-            upright[robot.robot] = front = front.slipping(found.slips)
-        sentences += [f"{robot.robot}: {sentence}" for sentence in (*found.sentences, *_tilt(found))]
+            front = front.slipping(found.slips)
+        upright[robot.robot] = front
+        sentences += [f"{robot.robot}: {sentence}" for sentence in (*found.sentences, *told, *_tilt(found))]
         if found.up is not None and found.T_level_odom is not None:
             up[robot.robot], level[robot.robot] = found.up, found.T_level_odom
             upright[robot.robot] = front.moved(found.T_level_odom)
@@ -73,6 +74,23 @@ def grounded(fronts: Mapping[str, FrontEndResult], inputs: Inputs, settings: Ear
     return Grounding(
         upright, EarthMeasurements(up, fixes), level, origin, tuple(sentences), time.perf_counter() - began
     )
+
+
+def _with_imu(imu: ImuInput, front: FrontEndResult) -> tuple[FrontEndResult, UpEstimate, list[str]]:
+    """Up along the odometry, which is the IMU's own where the two depart, and a sentence where."""
+    found = estimate_up(imu.log, front.odometry, front.keyframes, imu.T_lidar_imu)
+    given, mounting = imu.T_lidar_imu, found.mounting
+    if given is not None:
+        R_body_imu, lever_m = given[:3, :3], given[:3, 3]
+    elif mounting is not None:
+        R_body_imu, lever_m = mounting.R_body_imu, None
+    if found.fit is None or found.up is None:
+        return front, found, []
+    mended = bridged(front.odometry, imu.log, found.fit, R_body_imu, lever_m)
+    if not mended.steps.any():
+        return front, found, []
+    front = front.replaced(mended.odometry, mended.steps)
+    return front, estimate_up(imu.log, front.odometry, front.keyframes, given), [mended.sentence()]
 
 
 def earth_metrics(grounding: Grounding, graph: GraphResult) -> EarthMetrics:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from wiclosure import se3
-from wiclosure.backends.pcm import pairwise_consistent
+from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh

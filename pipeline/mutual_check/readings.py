@@ -6,12 +6,13 @@ tell where the robots are, so that errors of any size and parts of a log can be 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure.types import WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.faults.corrections import (
     Correction,
     azimuths_off,
@@ -23,8 +24,9 @@ from wiclosure.wiclosure_filter.faults.corrections import (
 
 _CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)
 _BIASES_M = tuple(m for m in np.arange(-5.0, 5.5, 0.5).tolist() if m)
-_SCALES = tuple(s for s in np.round(np.arange(0.84, 1.17, 0.02), 2).tolist() if s != 1.0)
-_TURNS_DEG = tuple(d for d in range(-170, 180, 10) if d % 90)  # quarters are errors of their own
+_SCALES = tuple(s for s in np.round(np.arange(-0.16, 0.17, 0.02), 2).tolist() if s)
+_TURNS_RAD = tuple(np.radians([d for d in range(-170, 180, 10) if d % 90]).tolist())  # quarters are errors of their own
+_SIGMA_FACTORS = (3.0, 10.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,28 +36,46 @@ class Reading:
     Args:
         corrections: what undoes it, for each size that is tried; exactly one of them holds.
         changes_alignment: whether the log, with it undone, may tell quite another alignment: that is searched for.
+        sigmas: how large each size is beside the error that is usual; empty where no size is.
+        widens: whether it widens standard deviations, for which no measurement must count for more.
     """
 
     corrections: tuple[Correction, ...]
     changes_alignment: bool = False
+    sigmas: tuple[float, ...] = ()
+    widens: bool = False
 
 
-def readings(robot_a: str, robot_b: str, log: WirelessLog) -> list[Reading]:
-    """All errors that the log of two robots may have."""
-    clocks = tuple(clocks_apart(robot_b, seconds) for seconds in _CLOCKS_S)
+def readings(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPriors | None = None) -> list[Reading]:
+    """All errors that the log of two robots may have, sized by what is usual of each."""
+    usual = usual or CalibrationPriors()
     # Wider standard deviations make neighbouring measurements count for more, which is no evidence.
-    apart = {c.fault for c in (*clocks, *(sigmas_too_small(factor) for factor in (3.0, 10.0)))}
+    clocks = _sized(lambda seconds: clocks_apart(robot_b, seconds), _CLOCKS_S, usual.clock_s)
+    apart = {c.fault for c in (*clocks.corrections, *map(sigmas_too_small, _SIGMA_FACTORS))}
     known = [c for c in corrections(robot_a, robot_b, log) if c.fault not in apart]
     found = [Reading((correction,), correction.of_log) for correction in known]
-    found.append(Reading(clocks))
+    found.append(clocks)
     ranged, directed = (any(has(m) for m in log.measurements) for has in (_has_range, _has_paths))
     if ranged:
-        found += [Reading(tuple(map(ranges_off, _BIASES_M))), Reading(tuple(map(_ranges_scaled, _SCALES)))]
+        found.append(_sized(ranges_off, _BIASES_M, usual.range_bias_m))
+        found.append(
+            _sized(lambda size: _ranges_scaled(1.0 + size), _SCALES, float(np.hypot(usual.range_scale, usual.scale)))
+        )
     if directed:
-        found.append(Reading(tuple(azimuths_off(float(np.radians(degrees))) for degrees in _TURNS_DEG)))
+        found.append(_sized(azimuths_off, _TURNS_RAD, usual.mounting_rad))
     if ranged and directed:
         found += [Reading((_DIRECTIONS_WRONG,), True), Reading((_RANGES_WRONG,), True)]
     return found
+
+
+def readings_of_log(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPriors) -> list[Reading]:
+    """Errors of the log alone, also of its standard deviations: for where closures have fixed the trajectories."""
+    found = [r for r in readings(robot_a, robot_b, log, usual) if all(c.of_log for c in r.corrections)]
+    return [*found, *(Reading((sigmas_too_small(factor),), widens=True) for factor in _SIGMA_FACTORS)]
+
+
+def _sized(correction: Callable[[float], Correction], sizes: Sequence[float], usual: float) -> Reading:
+    return Reading(tuple(map(correction, sizes)), sigmas=tuple(size / usual for size in sizes))
 
 
 def _has_range(m: WirelessMeasurement) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.colours import robot_colour
 from wiclosure.pipeline.report.pictures import INK, new_figure, save
 from wiclosure.types import FloatArray

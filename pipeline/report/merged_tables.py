@@ -14,7 +14,7 @@ MANY_ROWS = 40
 
 def merged_tables(found: MergedSummary) -> list[Table]:
     """What was found, and the closures that were rejected."""
-    overview = Table(title="optimize", show_header=False)
+    overview = Table(title="optimize", title_justify="left", title_style="bold", show_header=False)
     overview.add_row("robots", ", ".join(f"{escape(robot)}: {n} poses" for robot, n in found["robots"].items()))
     overview.add_row("closures", f"{found['closures']['accepted']} of {found['closures']['read']} accepted")
     if "labels" in found:
@@ -23,8 +23,9 @@ def merged_tables(found: MergedSummary) -> list[Table]:
     if found["ignored"]:
         overview.add_row("not used", ", ".join(f"{escape(kind)}: {n}" for kind, n in found["ignored"].items()))
     overview.add_row("seconds", f"{found['seconds']:.1f}")
-    for sentence in found["diagnosis"]:
-        overview.add_row("", escape(sentence))
+    overview.add_section()
+    for n, sentence in enumerate(found["diagnosis"]):
+        overview.add_row("remarks" if n == 0 else "", escape(sentence))
     rejected = found["closures"]["rejected"]
     if not rejected:
         return [overview]

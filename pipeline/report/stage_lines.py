@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 
+from wiclosure.display import listed
 from wiclosure.frontends.front_end import Followed
 from wiclosure.frontends.front_end_result import FrontEndResult
 from wiclosure.pipeline.stages.run_result import RunResult
@@ -47,7 +48,7 @@ class StageLines:
     def result(self, result: RunResult) -> None:
         """What is in the map."""
         graph = result.solution.graph
-        joined = " and ".join(graph.components[0])
+        joined = listed(graph.components[0])
         apart = f", not connected: {', '.join(graph.unconnected)}" if graph.unconnected else ""
         self._say(f"estimate: {len(graph.accepted):,} closures accepted; one map of {joined}{apart}")
         self._say(f"map: {len(result.merged_map):,} points")

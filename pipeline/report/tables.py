@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from wiclosure.pipeline.sources.info import CloudInfo, RecordingInfo
 
 UNKNOWN = "-"
+LEAST_S = 0.05  # of a stage that is told: below, it reads 0.0
 
 
 def run_table(metrics: Metrics) -> Table:
@@ -26,7 +27,8 @@ def run_table(metrics: Metrics) -> Table:
     table = _two_columns(f"run with filter: {metrics['filter']}")
     table.add_row("candidate pairs", _of(metrics["pairs_kept"], metrics["pairs_total"], "kept"))
     for found in (metrics["candidates"], metrics["candidates_registrable"]):
-        table.add_row(f"  within {found['radius_m']:g} m", _candidates(found))
+        if found["true"] is not None:
+            table.add_row(f"  within {found['radius_m']:g} m", _candidates(found))
     closures = metrics["closures"]
     table.add_row(
         "closures", f"{closures['proposed']} proposed, {closures['verified']} verified, {closures['accepted']} accepted"
@@ -38,9 +40,11 @@ def run_table(metrics: Metrics) -> Table:
         for pair, radio in metrics["radio"].items():
             table.add_row(f"radio {escape(pair)}", _radio(radio))
     table.add_section()
-    _add_errors(table, metrics)
-    table.add_section()
-    table.add_row("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in metrics["seconds"].items()))
+    if any(error is not None for error in (*metrics["ate_m"].values(), *metrics["ate_own_m"].values())):
+        _add_errors(table, metrics)
+        table.add_section()
+    seconds = {stage: value for stage, value in metrics["seconds"].items() if value >= LEAST_S or stage == "total"}
+    table.add_row("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in seconds.items()))
     if metrics["bytes_exchanged"] is not None:
         table.add_row("exchanged", f"{metrics['bytes_exchanged'] / 1e6:.2f} MB")
     if metrics["peak_rss_mb"] is not None:
@@ -64,7 +68,7 @@ def filter_table(result: FilterResult) -> Table:
     for pairs in result.pairs:
         table.add_row(f"  {pairs.robot_a}-{pairs.robot_b}", f"{len(pairs):,}")
     for found in result.alignments:
-        certainty = "ambiguous" if found.ambiguous else "unambiguous"
+        certainty = "not certain" if found.ambiguous else "certain"
         table.add_row(f"{found.robot_a}-{found.robot_b}", f"alignment {certainty}: {found.reason}")
     table.add_row("seconds", f"{result.seconds:.2f}")
     _add_remarks(table, result.diagnosis)
@@ -149,8 +153,6 @@ def _radio(found: RadioMetrics) -> str:
 
 
 def _candidates(found: CandidateMetrics) -> str:
-    if found["true"] is None:
-        return UNKNOWN
     recall, precision = _percent(found["recall"]), _percent(found["precision"])
     return f"{recall} of {found['true']:,} true pairs kept, {precision} of kept are true"
 

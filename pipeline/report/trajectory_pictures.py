@@ -121,7 +121,7 @@ def _draw_scale(axes: Axes, width_m: float, y_m: float) -> None:
     length_m = 10.0 ** np.floor(np.log10(max(width_m, 1e-3)))
     length_m *= next(factor for factor in (5.0, 2.0, 1.0) if factor * length_m <= width_m or factor == 1.0)
     axes.plot([0.0, length_m], [y_m, y_m], color=INK, linewidth=2.0, solid_capstyle="butt")
-    axes.annotate(f"{length_m:g} m", (0.0, y_m), (0, -3), textcoords="offset points", va="top", fontsize=10)
+    axes.annotate(f"{length_m:g} m", (length_m, y_m), (6, 0), textcoords="offset points", va="center", fontsize=10)
 
 
 def _draw_apart(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:

@@ -35,6 +35,7 @@ _OF_WORKERS = "all"  # the scheduler's own topic
 _START_S = 60.0
 _LISTEN_S = 0.5
 _NEWS_S = 1.0  # every worker's news pass the scheduler
+_AWAY_S = 120.0  # all workers may be away so long: those that died start again within seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,7 @@ class Cluster:
         self._client, self._address = client, address
         self.costs = WorkCosts()
         self._mailboxes: list[SimpleQueue[Any]] = []
+        self._away_since_s: float | None = None
         client.subscribe_topic(_OF_WORKERS, self._of_workers)
 
     @property
@@ -84,9 +86,12 @@ class Cluster:
         Raises:
             ProcessError: the scheduler is gone.
         """
+        return max(1, self._threads())
+
+    def _threads(self) -> int:
         self._require_scheduler()
         try:
-            return max(1, int(sum(self._client.nthreads().values())))
+            return int(sum(self._client.nthreads().values()))
         except OSError:  # it went before the client noticed
             raise self._lost() from None
 
@@ -125,6 +130,8 @@ class Cluster:
                 elif message is not None:
                     number = running.pop(message)
                     yield number, self._result(message, named(items[number]))
+                else:
+                    self._require_workers()
 
     @contextmanager
     def _mailbox(self) -> Iterator[tuple[str, SimpleQueue[Any]]]:
@@ -176,6 +183,20 @@ class Cluster:
         if self._client.status != "running":
             raise self._lost()
 
+    def _require_workers(self) -> None:
+        """Fails where all workers have been away for long; dask's `no-workers-timeout` counts where it is set."""
+        if self._threads() > 0:
+            self._away_since_s = None
+            return
+        import dask
+        from dask.utils import parse_timedelta
+
+        patience_s = parse_timedelta(dask.config.get("distributed.scheduler.no-workers-timeout", None)) or _AWAY_S
+        now = time.monotonic()
+        self._away_since_s = now if self._away_since_s is None else self._away_since_s
+        if now - self._away_since_s > patience_s:
+            raise self._abandoned()
+
     def _heard(self, message: Sequence[Any], running: set[str], told: Callable[..., None] | None) -> None:
         kind, *content = message
         if kind == "begun":
@@ -187,6 +208,7 @@ class Cluster:
 
     def _result(self, future: Future, name: str) -> Any:
         from distributed import KilledWorker
+        from distributed.scheduler import NoWorkerError
 
         if future.status in {"cancelled", "lost"}:
             raise self._lost()
@@ -197,10 +219,20 @@ class Cluster:
                 f"{name} killed {error.allowed_failures + 1} workers, one after the other; is there"
                 " enough memory for it? (dask worker --memory-limit)"
             ) from None
+        except NoWorkerError:
+            raise self._abandoned() from None
         finally:
             future.release()
         self.costs.bytes_moved += len(packed)
         return pickle.loads(packed)
+
+    def _abandoned(self) -> ProcessError:
+        again = "run the same again"
+        if not self._address.startswith(LOCAL):
+            again = f"start some (dask worker {self._address}), and {again}"
+        return ProcessError(
+            f"all workers of {self._address} are gone, and none has come back; finished stages are kept: {again}"
+        )
 
     def _lost(self) -> ProcessError:
         return ProcessError(

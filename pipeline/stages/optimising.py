@@ -11,11 +11,11 @@ from typing import TypeVar
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
+from wiclosure.backends.consistency.pcm import PcmResult, pairwise_consistent
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.backends.graph_files.naming import pose_name
 from wiclosure.backends.graph_files.team import GraphTeam, read_graphs
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.pcm import PcmResult, pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
 from wiclosure.pipeline.config import Config
 from wiclosure.types import KeyframeId
 

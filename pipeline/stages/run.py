@@ -9,8 +9,8 @@ from itertools import repeat
 
 import numpy as np
 
-from wiclosure.backends.graph_result import propagate_to_scans
-from wiclosure.backends.merged_map import MergedMap, merge_maps
+from wiclosure.backends.estimate.graph_result import propagate_to_scans
+from wiclosure.backends.merged.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.moving_objects import standing
 from wiclosure.frontends.registration import Registration

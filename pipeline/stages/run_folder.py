@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from wiclosure import se3
 from wiclosure.backends.graph_files.g2o_writer import write_g2o
-from wiclosure.backends.map_writers import write_pcd, write_ply
-from wiclosure.backends.occupancy import occupancy, write_occupancy
+from wiclosure.backends.merged.map_writers import write_pcd, write_ply
+from wiclosure.backends.merged.occupancy import occupancy, write_occupancy
 from wiclosure.errors import InputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.structured_text import read_json, read_yaml

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.merged_map import MergedMap
-from wiclosure.display import closure_columns, data_frame, html_table, significant
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.merged.merged_map import MergedMap
+from wiclosure.display import closure_columns, data_frame, html_table, listed, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.pipeline.config import Config
@@ -87,8 +87,8 @@ class RunResult:
         metrics, closures = self.metrics, self.metrics["closures"]
         team_m = metrics["ate_m"]["team"]
         rows = [
-            ("robots in one map", " and ".join(self.solution.graph.components[0])),
-            ("not connected", " and ".join(self.solution.graph.unconnected)),
+            ("robots in one map", listed(self.solution.graph.components[0])),
+            ("not connected", listed(self.solution.graph.unconnected)),
             ("candidate pairs", f"{metrics['pairs_kept']:,} of {metrics['pairs_total']:,} kept"),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
             ("team ATE", "" if team_m is None else f"{significant(team_m)} m"),

@@ -6,15 +6,18 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.graph_result import GraphResult, propagate_to_scans
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.map_check import Contradiction, held_against_map
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempts
@@ -50,8 +53,12 @@ def solve(
         settings = config.pose_graph.scaled(consistent.scale)
         graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links, earth)
 
-    seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     filtered = attempt.filtered
+    said = (*filtered.diagnosis, *(one.sentence for one in checks if one.sentence))
+    with took.time("check"):
+        contradicted = _held_against_map(fronts, graph, wireless, config, said) if filtered.alignments else ()
+    seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
+    seconds["filter"] += took["check"]
     return Solution(
         filtered=filtered,
         matched=attempt.matched,
@@ -61,8 +68,8 @@ def solve(
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, graph.closures, fronts),
         diagnosis=(
-            *filtered.diagnosis,
-            *(one.sentence for one in checks if one.sentence),
+            *said,
+            *contradicted,
             *_nothing_left(filtered, attempt.matched, graph.closures),
             *_own_loops(graph.closures),
             *_nothing_to_merge(fronts, graph.closures),
@@ -70,6 +77,44 @@ def solve(
             *graph.diagnosis,
         ),
     )
+
+
+def _held_against_map(
+    fronts: Mapping[str, FrontEndResult],
+    graph: GraphResult,
+    wireless: WirelessLog,
+    config: Config,
+    said: Sequence[str],
+) -> tuple[str, ...]:
+    """A sentence for each two robots of a map whose measurements of each other it contradicts."""
+    if not config.mutual_check.enabled:
+        return ()
+    merged = {
+        robot: replace(path, finer=propagate_to_scans(fronts[robot].scans, fronts[robot].keyframes, path))
+        for robot, path in graph.trajectories.items()
+    }
+    told = [
+        held_against_map(
+            {robot: merged[robot] for robot in component},
+            graph.closures,
+            wireless,
+            config.filter.alignment,
+            config.mutual_check,
+        )
+        for component in graph.components
+        if len(component) > 1
+    ]
+    return tuple(
+        f"{a} and {b}: {found}"
+        for one in told
+        for (a, b), found in one.items()
+        if not any(sentence.startswith(f"{a} and {b}: ") and _names(sentence, found) for sentence in said)
+    )
+
+
+def _names(sentence: str, found: Contradiction) -> bool:
+    """Whether it was said without a map already."""
+    return any(cause in sentence for cause in found.causes)
 
 
 def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts: Mapping[str, FrontEndResult]) -> int:

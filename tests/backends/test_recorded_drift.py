@@ -7,8 +7,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.config import PcmSettings, PoseGraphSettings
-from wiclosure.backends.pcm import pairwise_consistent
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.types import Closure, KeyframeId, Trajectory, robot_pairs
 
 CAMERA = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # x right, y down, z forward

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,3 +85,26 @@ def test_scans_have_poses_at_their_own_stamps_and_keyframes_at_the_last_point() 
     assert result.counts == stages.counts
     assert repr(result) == "FrontEndResult('alpha', 6 scans, 3 keyframes, 10.0 m)"
     assert {field.name for field in fields(FrontEndCounts)} == {"scans", "sparse", "late", "outside"}
+
+
+def test_another_path_takes_slips_along_but_those_it_mended():
+    n = 60
+    poses = se3.exp(np.arange(n)[:, None] * 0.1 * SPEED)
+    poses[30:] = poses[30:] @ se3.from_yaw(0.0, np.array([0.0, 9.0, 0.0]))
+    stamps_ns = 10**12 + np.arange(n) * 10**8
+    result = FrontEndResult.of(
+        "alpha",
+        DriftModel(),
+        OdometryResult(stamps_ns, stamps_ns - 10**7, poses, np.arange(0, n, 2),
+                       tuple(np.zeros((1, 3), np.float32) for _ in range(n // 2)), FrontEndCounts(n), 0.0, 0.0,
+                       lost=np.array([50])),
+        Descriptors(np.zeros((n // 2, 2, 2), np.float32), 0.0),
+    )  # fmt: skip
+    assert {30, 50} <= set(result.slips.index[result.slips.gross].tolist())
+    straight = replace(result.odometry, poses=se3.exp(np.arange(n)[:, None] * 0.1 * SPEED))
+    mended = result.replaced(straight, np.isin(np.arange(1, n), np.arange(25, 36)))
+    assert mended.slips.index.tolist() == [50]
+    np.testing.assert_array_equal(mended.keyframes.poses, straight.poses[::2])
+    np.testing.assert_allclose(
+        mended.scans.poses[5:], straight.at(stamps_ns - 10**7 * (np.arange(n) >= 0))[5:], atol=1e-9
+    )

@@ -172,7 +172,7 @@ def test_one_place_gives_few_closures_when_told_so() -> None:
 
 @pytest.mark.parametrize(
     ("count", "kind", "expected"),
-    [(60, PredictionKind.POSE, 15), (12, PredictionKind.POSE, 12), (60, PredictionKind.HEADING, 60)],
+    [(160, PredictionKind.POSE, 40), (12, PredictionKind.POSE, 12), (60, PredictionKind.HEADING, 60)],
 )
 def test_one_place_gives_few_closures_where_the_filter_tells_where_it_is(
     count: int, kind: PredictionKind, expected: int

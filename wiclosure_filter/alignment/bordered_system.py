@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import cholesky_banded, solveh_banded
 
 from wiclosure.types import FloatArray
 
@@ -48,6 +48,12 @@ class BorderedSystem:
     def covariance_of_errors(self) -> FloatArray:
         """`(7, 7)` block of the inverse."""
         return np.asarray(np.linalg.inv(self.of_errors - self._border.T @ self._response))
+
+    @property
+    def log_determinant(self) -> float:
+        """Natural logarithm of the whole system's determinant."""
+        of_blocks = 2 * np.log(cholesky_banded(self._bands())[-1]).sum()
+        return float(of_blocks - np.linalg.slogdet(self.covariance_of_errors())[1])
 
     def marginal(self, block: int) -> FloatArray:
         """`(11, 11)` of the inverse: a block of 4, and the errors."""

@@ -118,6 +118,11 @@ class EstimatedErrors:
     covariance: FloatArray
     prior_sigma: FloatArray
 
+    @property
+    def squared(self) -> float:
+        """Sum of squares, in standard deviations of the prior."""
+        return float(np.sum((self.value / self.prior_sigma) ** 2))
+
     def calibrations(self, robot_a: str, robot_b: str) -> tuple[Calibration, ...]:
         """As they are reported; those that the measurements tell nothing of are left out."""
         names = (

@@ -69,6 +69,11 @@ class DriftingFrames:
         """How far the measurements bend odometry and systematic errors."""
         return Strain.of(self.chain, self.errors)
 
+    @property
+    def log_mass(self) -> float:
+        """Logarithm of the posterior's mass over the likelihood at its top (Laplace), up to a constant of the log."""
+        return -(self.chain.squared + self.errors.squared + self.chain.system.log_determinant) / 2
+
 
 def follow_drift(
     state: FloatArray,

@@ -25,6 +25,7 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 
 _FEET_M = 0.3048
 _AGREES, _MOST, _RESERVE = 0.5, 50.0, 0.1
+_REFUTED = 3.0  # natural logarithm of the odds up to which noise, not geometry, speaks against a reading
 _UNKNOWN_M2 = 1e8  # variance of what was not measured
 _TURNED_RAD = float(np.radians(20.0))
 _RARE, _USUAL, _MIRRORED = 0.005, 0.02, 0.05  # shares of logs; a wall that hides the direct path mirrors as well
@@ -115,9 +116,11 @@ class Blunders:
 
     @property
     def odds(self) -> FloatArray:
-        """`(H,)` of each against none."""
+        """`(H,)` of each against none; one that geometry does not refute is not held to fit worse by chance."""
         prior = np.array([reading.prior for reading in self.readings])
-        return np.asarray(prior * np.exp(np.minimum((self.chi2[0] - self.chi2) / 2, _MOST)))
+        gained = (self.chi2[0] - self.chi2) / 2
+        gained = np.where(gained > -_REFUTED, np.maximum(gained, 0.0), gained)
+        return np.asarray(prior * np.exp(np.minimum(gained, _MOST)))
 
     def apart_m(self, row: int) -> FloatArray:
         """`(H,)` mean distance of b's path under each blunder from where another one puts it."""

@@ -52,6 +52,11 @@ class Chain:
         by_step = np.einsum("mij,mj->mi", self.by_start, blocks[:-1]) + blocks[1:] + self.by_errors @ errors
         return replace(self, error=self.error + by_step)
 
+    @property
+    def squared(self) -> float:
+        """Sum of squares of the steps' errors, in standard deviations."""
+        return float(np.einsum("mi,mij,mj->", self.error, self.information, self.error))
+
     def covariance(self) -> FloatArray:
         """`(M - 1, 4, 4)` of the steps' errors, with the measurements known."""
         rows = np.arange(len(self.error))
@@ -83,7 +88,7 @@ class Strain:
     def of(cls, chain: Chain, errors: EstimatedErrors) -> Strain:
         """Of a chain, and the constant errors that were estimated along with it."""
         force = np.einsum("mij,mj->mi", chain.information, chain.error)
-        squared = np.einsum("mi,mi->", force, chain.error) + np.sum((errors.value / errors.prior_sigma) ** 2)
+        squared = chain.squared + errors.squared
         open_steps = chain.covariance() @ chain.information
         held = chain.information @ (np.eye(4) - open_steps)
         left_open = np.trace(open_steps, axis1=1, axis2=2).sum()
@@ -93,7 +98,7 @@ class Strain:
         gained = np.einsum("mi,mi->m", force * jump, np.linalg.solve(freed, force[..., None])[..., 0])
         slips = (gained - np.linalg.slogdet(freed)[1]) / 2
         determined = chain.error.size + len(errors.value) - left_open
-        return cls(float(squared), float(determined), slips, chain.stamp_ns)
+        return cls(squared, float(determined), slips, chain.stamp_ns)
 
     def probability(self, inflation: float) -> float:
         """That odometry and errors of their usual size are bent as far; `inflation` is what the steps were granted."""

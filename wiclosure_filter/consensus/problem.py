@@ -33,8 +33,15 @@ class PairOdometry:
         """How far a rigid transform that is right at one measurement may be off at the others, see `drift_since`."""
         return self.drift_since(int(observations.index_a[anchor]), int(observations.index_b[anchor]), observations)
 
-    def drift_since(self, at_a: int, at_b: int, observations: Observations) -> tuple[FloatArray, FloatArray]:
+    def drift_since(
+        self, at_a: int | IntArray, at_b: int | IntArray, observations: Observations
+    ) -> tuple[FloatArray, FloatArray]:
         """How far a rigid transform that is right where a and b are at some keyframes may be off at the measurements.
+
+        Args:
+            at_a: keyframe of a, or `(M,)` one for each measurement.
+            at_b: of b.
+            observations: M measurements.
 
         Returns:
             Standard deviations `(M,)` of the horizontal position (m) and of the yaw (rad) of the robots relative to
@@ -42,7 +49,7 @@ class PairOdometry:
         """
         position_variance, yaw_variance = np.zeros(len(observations)), np.zeros(len(observations))
         for trajectory, at, index in ((self.a, at_a, observations.index_a), (self.b, at_b, observations.index_b)):
-            covariance = trajectory.relative_covariance(np.full(len(index), at), index)
+            covariance = trajectory.relative_covariance(np.broadcast_to(at, len(index)), index)
             position_variance += (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
             yaw_variance += covariance[:, 2, 2]
         return self.inflation * np.sqrt(position_variance), self.inflation * np.sqrt(yaw_variance)

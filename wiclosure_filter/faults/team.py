@@ -135,11 +135,16 @@ class NameOrders:
         return correction if best - max(self.claimed, 0.0) > LIKELIER else None
 
     def objection(self, min_odds: float) -> str:
-        """That some other order fits as well, as a sentence; empty where the odds are against all of them."""
+        """That other orders fit as well, as a sentence; empty where the odds are against all of them.
+
+        An order against which the measurements do not hold these odds counts in full: between such orders decides
+        how each one's drift happened to fit, not who is who.
+        """
         if not self.others or not np.isfinite(self.claimed):
             return ""
-        log_odds = float(logsumexp([log_likelihood for log_likelihood, _ in self.others])) - self.claimed
-        if log_odds + np.log(_MIXED_UP) < -np.log(min_odds):
+        log_odds = np.array([log_likelihood for log_likelihood, _ in self.others]) - self.claimed
+        log_odds = np.where(log_odds > -np.log(min_odds), np.maximum(log_odds, 0.0), log_odds)
+        if logsumexp(log_odds) + np.log(_MIXED_UP) < -np.log(min_odds):
             return ""
         _, likeliest = max(self.others, key=lambda one: one[0])
         return f"the measurements of the whole team fit as well otherwise: {likeliest.fault}"

@@ -65,6 +65,10 @@ class AlternativeEstimates:
         """Those of all estimates, the most likely one's first; each answers for every pair."""
         return tuple(model for estimate in self.estimates for model in estimate.models(robot_a, robot_b, gate))
 
+    def rank(self, robot: str) -> int:
+        """See `SharedEstimate`."""
+        return 0
+
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """Under any of the estimates."""
         return set().union(*(estimate.may_meet(gate) for estimate in self.estimates))

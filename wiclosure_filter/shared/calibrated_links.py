@@ -97,6 +97,11 @@ class LinkRows:
                 parts.append((np.tile([at_a, at_b], (len(b), 1)), A, b, by_errors))
         return cls(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
+    def pulls(self) -> tuple[IntArray, FloatArray]:
+        """How the errors pull `(2 R, 6, 5)` at nodes `(2 R,)`, of which some stand there several times."""
+        pull = self.A[:, :, :, None] * self.by_errors[:, None, None, :]
+        return self.key.reshape(-1), pull.reshape(self.key.size, 6, -1)
+
 
 def errors_of(alignment: FrameAlignment) -> PriorErrors | None:
     """What an alignment estimated, with what was known before; None where it did not."""
@@ -150,17 +155,17 @@ def error_sets(
     number = {robot: n for n, robot in enumerate(team.nodes)}
     rows = {pair: _rows(team, pair, values, robust_threshold) for pair in known}
     scales = {robot: _Scale.of(team, robot, rows) for robot in team.nodes}
+    pulled_by = {robot: root.solved(scale.nodes, scale.pull[:, :, None]) for robot, scale in scales.items()}
     scaled = {robot: root.whitened(*scale.nodes_moved(team.first[robot])) for robot, scale in scales.items()}
     pairs_of = {robot: sum(robot in pair for pair in known) for robot in team.nodes}
     sets, pulled = {}, np.zeros((len(root.place), 6))
     shift = np.zeros((len(root.place), 6))
     for (a, b), prior in known.items():
         own, of_a, of_b = rows[a, b], scales[a], scales[b]
-        poses, pull = _pulls(own, of_a, of_b)
-        effects, places = root.solved(poses, pull)
+        effects, places = _joined({0: root.solved(*own.pulls()), 5: pulled_by[a], 6: pulled_by[b]})
         by = np.column_stack([own.by_errors, of_a.by_scale[a, b], of_b.by_scale[a, b]])
         information = by.T @ by
-        gradient = own.b @ by
+        gradient = -own.b @ by
         for column, scale in ((5, of_a), (6, of_b)):
             information[column, column], gradient[column] = scale.information, scale.gradient
         flat = effects.reshape(-1, len(_ALL))
@@ -172,9 +177,10 @@ def error_sets(
         for robot, column, scale in ((a, 5, of_a), (b, 6, of_b)):
             first = team.first[robot]
             shift[first : first + len(scale.moved), 3:] += scale.moved * found[column]
-        both = _added(_added((effects, places), scaled[a], 5), scaled[b], 6)
-        sets[number[a], number[b]] = ErrorSet.of(both[1], both[0] * np.sqrt(share), covariance)
-    return sets, shift + root.following(pulled)
+        both, places = _joined({0: (effects, places), 5: scaled[a], 6: scaled[b]})
+        sets[number[a], number[b]] = ErrorSet.of(places, both * np.sqrt(share), covariance)
+    everywhere = np.arange(len(root.place))
+    return sets, shift + root.following(everywhere, pulled[:, :, None], everywhere)[:, :, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +216,7 @@ class _Scale:
                 nodes.append(own.key.reshape(-1))
                 pulls.append((own.A * by[:, None, None]).reshape(-1, 6))
                 information += float(by @ by)
-                gradient += float(own.b @ by)
+                gradient -= float(own.b @ by)
         return cls(moved, np.concatenate(pulls), np.concatenate(nodes), by_scale, information, gradient)
 
     def nodes_moved(self, first: int) -> tuple[IntArray, FloatArray]:
@@ -218,14 +224,17 @@ class _Scale:
         return first + np.arange(len(self.moved)), np.hstack([np.zeros_like(self.moved), self.moved])
 
 
-def _added(
-    effects: tuple[FloatArray, IntArray], further: tuple[FloatArray, IntArray], column: int
-) -> tuple[FloatArray, IntArray]:
-    """Effects `(c, 6, e)` and their places `(c,)`, with others `(c', 6)` added to those of one error."""
-    places = np.union1d(effects[1], further[1])
-    whole = np.zeros((len(places), *effects[0].shape[1:]))
-    whole[np.searchsorted(places, effects[1])] = effects[0]
-    whole[np.searchsorted(places, further[1]), :, column] += further[0]
+def _joined(parts: Mapping[int, tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
+    """Effects `(c, 6, 7)` of all errors, and their places `(c,)`.
+
+    Args:
+        parts: by the first of some errors, effects `(c', 6, ...)` and their places; all together they add up.
+    """
+    places = np.unique(np.concatenate([at for _, at in parts.values()]))
+    whole = np.zeros((len(places), 6, len(_ALL)))
+    for first, (effects, at) in parts.items():
+        of_some = effects.reshape(len(at), 6, -1)
+        whole[np.searchsorted(places, at), :, first : first + of_some.shape[2]] += of_some
     return whole, places
 
 
@@ -233,16 +242,3 @@ def _rows(team: TeamNodes, pair: tuple[str, str], values: gtsam.Values, robust_t
     (a, b), kept, (at_a, at_b) = pair, team.links[pair], team.ends[pair]
     velocity = motion(team.nodes[b].trajectory, kept.links.index_b)[0]
     return LinkRows.of(kept, (team.first[a] + at_a, team.first[b] + at_b), velocity, values, robust_threshold)
-
-
-def _pulls(own: LinkRows, of_a: _Scale, of_b: _Scale) -> tuple[IntArray, FloatArray]:
-    """How a pair's errors pull `(n, 6, 7)` at nodes `(n,)`."""
-    by_links = own.A[:, :, :, None] * own.by_errors[:, None, None, :]
-    nodes = np.concatenate([own.key.reshape(-1), of_a.nodes, of_b.nodes])
-    poses, at = np.unique(nodes, return_inverse=True)
-    pull = np.zeros((len(poses), 6, len(_ALL)))
-    links, ours = own.key.size, own.key.size + len(of_a.nodes)
-    np.add.at(pull[:, :, :5], at[:links], by_links.reshape(links, 6, -1))
-    np.add.at(pull[:, :, 5], at[links:ours], of_a.pull)
-    np.add.at(pull[:, :, 6], at[ours:], of_b.pull)
-    return poses, pull

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # Of an independent error's effect: what adds less than this share to the variance of whatever there is, is left out.
 LEAST_SHARE = 1e-6
@@ -53,6 +55,11 @@ class IndependentErrors:
     sets: tuple[ErrorSet, ...] = ()
     near: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
 
+    @cached_property
+    def begin(self) -> IntArray:
+        """`(S + 1,)` number of the first error of each set."""
+        return np.cumsum([0, *(len(one) for one in self.sets)])
+
     @classmethod
     def of(
         cls, sets: Mapping[tuple[int, int], ErrorSet], near: Mapping[int, set[tuple[int, int]]]
@@ -61,25 +68,22 @@ class IndependentErrors:
         counted = {robot: tuple(i for i, pair in enumerate(sets) if pair in pairs) for robot, pairs in near.items()}
         return cls(tuple(sets.values()), counted)
 
-    def at(self, robot: int, values: FloatArray, places: IntArray) -> tuple[FloatArray, IntArray]:
-        """What the errors that count for a robot add to its poses `(n, 6, E)`, and their numbers `(E,)`, increasing.
+    def at(self, robot: int, root: SquareRoot, poses: IntArray) -> tuple[FloatArray, IntArray]:
+        """What the errors that count for a robot add to poses `(n, 6, E)` of it, and their numbers `(E,)`, increasing.
 
         Args:
             robot: the robot.
-            values: `(n, 6, 6 C)` rows of the root's inverse.
-            places: `(C,)` of their columns.
+            root: of the information of all poses.
+            poses: `(n,)` numbers of those of the robot.
         """
-        sets = self.near.get(robot, ())
-        begin = np.cumsum([0, *(len(one) for one in self.sets)])
-        names = np.concatenate([np.zeros(0, np.int64), *(np.arange(begin[one], begin[one + 1]) for one in sets)])
-        moved = np.zeros((len(places), 6, len(names)))
-        column = 0
-        for one in sets:
+        near = self.near.get(robot, ())
+        places = root.with_ancestors(poses)
+        moved = np.zeros((len(places), 6, sum(len(self.sets[one]) for one in near)))
+        names, column = [np.zeros(0, np.int64)], 0
+        for one in near:
             own = self.sets[one]
             _, at, of_error = np.intersect1d(places, own.places, assume_unique=True, return_indices=True)
             moved[at, :, column : column + len(own)] = own.effects[of_error]
+            names.append(np.arange(self.begin[one], self.begin[one + 1]))
             column += len(own)
-        large = np.sum(moved**2, axis=(0, 1)) > LEAST_SHARE
-        effects = np.zeros((*values.shape[:2], len(names)))
-        effects[:, :, large] = values @ moved[:, :, large].reshape(6 * len(places), -1)
-        return effects, names
+        return root.following(poses, moved, places), np.concatenate(names)

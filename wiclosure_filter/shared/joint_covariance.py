@@ -14,13 +14,12 @@ import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet, IndependentErrors
-from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
+from wiclosure.wiclosure_filter.shared.square_root import Recent, SquareRoot
 
 # Robots whose rows are kept: those that meet one robot also meet the next, where robots are numbered as they lie.
 MOST_KEPT = 32
-MOST_BYTES = (
-    1 << 28
-)  # of what systematic errors add to robots: costs more to compute than the rows, and takes less room
+# Of what systematic errors add to robots: takes longer to compute than the rows, and is asked for three times.
+MOST_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class JointCovariance:
     turn: FloatArray
     errors: IndependentErrors = field(default_factory=IndependentErrors)
     _kept: OrderedDict[int, Rows] = field(default_factory=OrderedDict, repr=False)
-    _added: OrderedDict[int, tuple[FloatArray, IntArray]] = field(default_factory=OrderedDict, repr=False)
+    _added: Recent[tuple[FloatArray, IntArray]] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     def widened(
         self, sets: Mapping[tuple[int, int], ErrorSet], near: Mapping[int, set[tuple[int, int]]]
@@ -51,7 +50,7 @@ class JointCovariance:
             near: by robot, whose errors count for it; between two robots count those that count for both.
         """
         errors = IndependentErrors.of(sets, near)
-        return replace(self, errors=errors, _kept=OrderedDict(), _added=OrderedDict())
+        return replace(self, errors=errors, _kept=OrderedDict(), _added=Recent(MOST_BYTES))
 
     def of_pairs(self, a: int, n: IntArray, b: int, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Covariances `(M, 6, 6)` of poses n of robot a, of these with poses m of robot b, and of the latter."""
@@ -80,14 +79,12 @@ class JointCovariance:
 
     def _effects(self, robot: int) -> tuple[FloatArray, IntArray]:
         """What systematic errors add to all poses of a robot, and their numbers, see `IndependentErrors.at`."""
-        found = self._added.pop(robot, None)
-        if found is None:
-            found = self.errors.at(robot, *self.root.rows(np.arange(self.first[robot], self.first[robot + 1])))
-        self._added[robot] = found
-        kept = sum(effects.nbytes for effects, _ in self._added.values())
-        while kept > MOST_BYTES and len(self._added) > 1:
-            kept -= self._added.popitem(last=False)[1][0].nbytes
-        return found
+        if robot not in self._added:
+            poses = np.arange(self.first[robot], self.first[robot + 1])
+            found = self.errors.at(robot, self.root, poses)
+            self._added.add(robot, found, found[0].nbytes)
+        self._added.forget([robot])
+        return self._added[robot]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -51,6 +51,10 @@ class SharedEstimate(Protocol):
         """Pairs of robots, a before b; of others the gate can keep no pair of keyframes."""
         ...
 
+    def rank(self, robot: str) -> int:
+        """Place in an order in which robots that share much follow each other."""
+        ...
+
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -75,6 +79,17 @@ class SharedTrajectory:
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """Pairs of robots that may meet by their estimates."""
         return set().union(*(estimate.may_meet(gate) for estimate in set(self.estimates.values())))
+
+    def by_rank(self, pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Pairs of robots in an order in which much of what is computed for one serves the next: is kept that long."""
+        number = {estimate: n for n, estimate in enumerate(dict.fromkeys(self.estimates.values()))}
+
+        def key(pair: tuple[str, str]) -> tuple[int, int, int, tuple[str, str]]:
+            estimate = self.estimates[pair]
+            ranks = [estimate.rank(robot) for robot in pair]
+            return number[estimate], max(ranks), min(ranks), pair
+
+        return sorted(pairs, key=key)
 
 
 def share_trajectories(

@@ -86,6 +86,10 @@ class ShortestRouteEstimate:
             dimensions,
         )
 
+    def rank(self, robot: str) -> int:
+        """See `SharedEstimate`."""
+        return 0
+
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """The two robots; see `SharedEstimate`."""
         return {(self.robot_a, self.robot_b)}

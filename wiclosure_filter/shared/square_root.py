@@ -9,7 +9,9 @@ row has numbers only where its ancestors in the elimination tree stand (Davis, D
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import gtsam
 import numpy as np
@@ -17,6 +19,35 @@ import numpy as np
 from wiclosure.types import FloatArray, IntArray
 
 MOST_BYTES = 1 << 28  # of rows that are kept: what robots share that lie near each other
+
+_Value = TypeVar("_Value")
+
+
+class Recent(Generic[_Value]):
+    """What was used last, up to so many bytes."""
+
+    def __init__(self, most_bytes: int) -> None:
+        self._values: OrderedDict[int, tuple[_Value, int]] = OrderedDict()
+        self._most_bytes, self._bytes = most_bytes, 0
+
+    def __contains__(self, key: int) -> bool:
+        return key in self._values
+
+    def __getitem__(self, key: int) -> _Value:
+        return self._values[key][0]
+
+    def add(self, key: int, value: _Value, size: int) -> None:
+        """A new one, of so many bytes."""
+        self._values[key] = value, size
+        self._bytes += size
+
+    def forget(self, used: Iterable[int]) -> None:
+        """Keeps what is used now, the later ones longer, and of the rest what fits."""
+        now = list(used)
+        for key in now:
+            self._values.move_to_end(key)
+        while self._bytes > self._most_bytes and len(self._values) > len(now):
+            self._bytes -= self._values.popitem(last=False)[1][1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +71,7 @@ class SquareRoot:
     separator: IntArray
     response: FloatArray
     remainder: FloatArray
-    _known: OrderedDict[int, tuple[IntArray, FloatArray]] = field(default_factory=OrderedDict, repr=False)
+    _known: Recent[tuple[IntArray, FloatArray]] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     @classmethod
     def of(cls, linear: gtsam.GaussianFactorGraph) -> SquareRoot:
@@ -73,15 +104,16 @@ class SquareRoot:
     def rows(self, poses: IntArray) -> tuple[FloatArray, IntArray]:
         """Rows `(P, 6, 6 C)` of R^-1, and the places `(C,)` of their columns, increasing."""
         wanted = self.place[poses]
-        columns = self._with_ancestors(np.unique(wanted))
+        columns = self.with_ancestors(poses)
         for place in columns.tolist():  # ancestors first
             if place not in self._known:
-                self._known[place] = self._row(place)
+                path, values = self._row(place)
+                self._known.add(place, (path, values), path.nbytes + values.nbytes)
         rows = np.zeros((len(wanted), 6, len(columns), 6))
         for row, place in zip(rows, wanted.tolist(), strict=True):
             path, values = self._known[place]
             row[:, np.searchsorted(columns, path)] = values.reshape(6, len(path), 6)
-        self._forget(columns)
+        self._known.forget(columns[::-1].tolist())  # ancestors, which more poses share, are kept longer
         return rows.reshape(len(wanted), 6, -1), columns
 
     def _row(self, place: int) -> tuple[IntArray, FloatArray]:
@@ -95,17 +127,9 @@ class SquareRoot:
         followed = self.response[:, 6 * self.start[place] : 6 * self.start[place + 1]] @ known
         return np.append(above, place), np.hstack([followed, self.remainder[place]])
 
-    def _forget(self, used: IntArray) -> None:
-        """Keeps the rows that were used last, of those used together rather the ancestors, which more poses share."""
-        for place in used[::-1].tolist():
-            self._known.move_to_end(place)
-        kept = sum(values.nbytes for _, values in self._known.values())
-        while kept > MOST_BYTES and len(self._known) > len(used):
-            kept -= self._known.popitem(last=False)[1][1].nbytes
-
     def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
         """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
-        places = self._with_ancestors(np.unique(self.place[poses]))
+        places = self.with_ancestors(poses)
         left = np.zeros((len(places), *pulls.shape[1:]))
         np.add.at(left, np.searchsorted(places, self.place[poses]), pulls)
         for number in range(len(places) - 1, -1, -1):  # from the leaves: what a pose follows is pulled with it
@@ -129,14 +153,25 @@ class SquareRoot:
         np.subtract.at(left, np.searchsorted(places, follower), followed)
         return np.linalg.solve(self.remainder[places], left[:, :, None])[:, :, 0], places
 
-    def following(self, left: FloatArray) -> FloatArray:
-        """`R^-1 y` by pose `(K, 6)`, for `y (K, 6)` by place: how all poses follow what `solved` gives of a pull."""
-        found = np.zeros_like(left)
-        for place in range(len(left)):  # ancestors first
-            first, end = self.start[place], self.start[place + 1]
-            separator = found[self.separator[first:end]].reshape(-1)
-            found[place] = self.remainder[place] @ left[place] + self.response[:, 6 * first : 6 * end] @ separator
-        return found[self.place]
+    def following(self, poses: IntArray, left: FloatArray, places: IntArray) -> FloatArray:
+        """Poses' parts `(n, 6, p)` of `R^-1 y`: how they follow what `solved` gives of a pull.
+
+        Args:
+            poses: `(n,)` numbers of poses.
+            left: `(c, 6, p)` of y.
+            places: `(c,)` where that stands; of others y is zero.
+        """
+        wanted = self.place[poses]
+        columns = self.with_ancestors(poses)
+        counts = np.isin(places, columns)
+        found = np.zeros((len(columns), *left.shape[1:]))
+        found[np.searchsorted(columns, places[counts])] = left[counts]
+        found = self.remainder[columns] @ found
+        for number, (first, end) in enumerate(zip(self.start[columns], self.start[columns + 1], strict=True)):
+            if end > first:  # ancestors first
+                above = found[np.searchsorted(columns, self.separator[first:end])]
+                found[number] += self.response[:, 6 * first : 6 * end] @ above.reshape(6 * (end - first), -1)
+        return np.asarray(found[np.searchsorted(columns, wanted)])
 
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
@@ -180,8 +215,9 @@ class SquareRoot:
             waiting += children[order[-1]]
         return depth, order
 
-    def _with_ancestors(self, places: IntArray) -> IntArray:
-        found = np.zeros(len(self.parent), bool)
+    def with_ancestors(self, poses: IntArray) -> IntArray:
+        """Places of poses and of all that they depend on, increasing."""
+        found, places = np.zeros(len(self.parent), bool), np.unique(self.place[poses])
         while len(places):
             found[places] = True
             places = self.parent[places]

@@ -11,6 +11,9 @@ from wiclosure.pipeline.data.folders.survey import Found, is_recording, survey, 
 from wiclosure.pipeline.radio.unused import unused_radio
 from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.info import RecordingInfo, recording_info
+from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE
+
+OWN_RADIO = (MEASUREMENT_TYPE, HEADING_TYPE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +63,16 @@ def recording_overview(path: Path, *, salvage: bool = False) -> RecordingInfo:
 
 
 def _entry(found: Found, dataset: Dataset | None) -> Entry:
-    lines = [f"{found.kind}: {found.holds}"]
+    lines, use = [f"{found.kind}: {found.holds}"], _uses(found.path, dataset)
     if found.recording is not None:
+        if use and any(topic.msgtype in OWN_RADIO for topic in found.recording.topics):
+            use += ", wireless"  # read from the bags of all robots, without being named
         lines += [f"  {topic.name}: {topic.count:,} x {topic.msgtype}" for topic in found.recording.topics]
-        uses = _uses(found.path, dataset)
-        others = [robot for robot in dataset.robots if f"scans of {robot}" not in uses] if dataset else []
+        others = [robot for robot in dataset.robots if f"scans of {robot}" not in use] if dataset else []
         said = {radio.topic for radio in found.radio}
         read = {source.topic for source in dataset.wireless} if dataset else set()
         lines += [f"  {radio.sentence(others)}" for radio in found.radio if radio.topic in said - read]
-    return Entry(found.path, "\n".join(lines), _uses(found.path, dataset))
+    return Entry(found.path, "\n".join(lines), use)
 
 
 def _uses(path: Path, dataset: Dataset | None) -> str:

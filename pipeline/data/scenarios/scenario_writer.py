@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,6 +21,7 @@ from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.simulation.scenario import Scenario
 from wiclosure.types import Scan, WirelessLog
+from wiclosure.workers import ThisProcess, Workers, require_wanted, tell
 
 Recorder: TypeAlias = Callable[[Path, Iterable[Scan], WirelessLog], Path]
 
@@ -62,7 +64,14 @@ def require_format(name: str) -> None:
         raise ConfigError(f"unknown recording format {name!r}; choose one of {', '.join(RECORDERS)}")
 
 
-def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str], *, progress: Progress) -> Path:
+def write_scenario(
+    scenario: Scenario,
+    folder: Path,
+    formats: Mapping[str, str],
+    *,
+    progress: Progress,
+    workers: Workers | None = None,
+) -> Path:
     """Writes everything into an existing folder; the wireless records are in the log, and in bags as topics too.
 
     Args:
@@ -70,22 +79,21 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
         folder: where the files go.
         formats: name of the recording format by robot; see `RECORDERS`.
         progress: shows how far it is.
+        workers: who casts rays, each for one robot at a time; those of a cluster must see the folder under this path.
 
     Returns:
         The `dataset.yaml`.
 
     Raises:
-        ConfigError: an unknown format.
+        ConfigError: an unknown format, or a cluster that does not share the folder.
         OutputError: a file cannot be written.
     """
     for name in formats.values():
         require_format(name)
     wireless = scenario.wireless()
+    recordings = _recordings(scenario, folder, formats, wireless, progress, workers or ThisProcess())
     robots = {}
-    for robot in scenario.robots:
-        source = scenario.scan_source(robot)
-        scans = progress.track(source, f"simulating {robot}", len(source))
-        recording = RECORDERS[formats[robot]](folder / robot, scans, wireless)
+    for robot, recording in recordings.items():
         ground_truth = folder / f"{robot}_gt.tum"
         write_tum(ground_truth, scenario.ground_truth(robot))
         as_simulated = {"elevation_correction_deg": 0.0} if formats[robot] == "kitti" else {}
@@ -97,6 +105,52 @@ def write_scenario(scenario: Scenario, folder: Path, formats: Mapping[str, str],
     write_wireless_log(folder / WIRELESS_FILE, wireless)
     write_dataset(folder / DATASET_FILE, robots, [RadioSource(path=folder / WIRELESS_FILE)])
     return folder / DATASET_FILE
+
+
+@dataclass(frozen=True, eq=False)
+class _Recording:
+    """One robot's recording: where its file goes, and all that it depends on."""
+
+    scenario: Scenario
+    robot: str
+    stem: Path
+    format: str
+    wireless: WirelessLog
+
+    def __str__(self) -> str:
+        return f"simulation of {self.robot}"
+
+    def scans(self) -> Iterator[Scan]:
+        for done, scan in enumerate(self.scenario.scan_source(self.robot), start=1):
+            require_wanted()
+            yield scan
+            tell(self.robot, done)
+
+
+def _recorded(work: _Recording) -> Path:
+    return RECORDERS[work.format](work.stem, work.scans(), work.wireless)
+
+
+def _recordings(
+    scenario: Scenario,
+    folder: Path,
+    formats: Mapping[str, str],
+    wireless: WirelessLog,
+    progress: Progress,
+    workers: Workers,
+) -> dict[str, Path]:
+    """Casts the rays of all robots, and writes them; the file or folder of each robot."""
+    work = [_Recording(scenario, robot, folder / robot, formats[robot], wireless) for robot in scenario.robots]
+    totals = {robot: len(scenario.scan_source(robot)) for robot in scenario.robots}
+    with (
+        progress.together(totals, "simulating") as counted,
+        closing(workers.each(_recorded, work, told=counted)) as done,
+    ):
+        written = dict(done)
+    for path in written.values():
+        if not path.exists():
+            raise ConfigError(f"a worker wrote {path}, which is not here: the workers must share the folder of --out")
+    return {one.robot: written[number] for number, one in enumerate(work)}
 
 
 def _navigation(scenario: Scenario, robot: str, folder: Path, recording: RobotRecording) -> RobotRecording:

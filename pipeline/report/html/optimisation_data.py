@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from wiclosure.display import significant
+from wiclosure.display import listed, significant
 from wiclosure.pipeline.config import Config, dump_config
 from wiclosure.pipeline.evaluation.funnel import MEASURED
 from wiclosure.pipeline.report.html.closures_data import closure_rows, stages_with_reasons
@@ -77,7 +77,7 @@ def _verdict(merged: MergedGraphs) -> dict[str, Any]:
     if len(graph.components) == 1:
         together = "One robot" if robots == 1 else f"All {robots} robots in one frame"
         return {"tone": "good", "sentence": f"{together}; {joined}.", "next": [], "notes": list(merged.diagnosis)}
-    groups = "; ".join(" and ".join(component) for component in graph.components)
+    groups = "; ".join(listed(component) for component in graph.components)
     steps = [
         "Look below why the closures between the groups were rejected. If there are none, the files hold no edge"
         " between their poses; if covariances are stated too small, raise pcm.max_scale."

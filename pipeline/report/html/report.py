@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wiclosure.display import listed
 from wiclosure.errors import InputError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.report.html.filter_data import filter_data
@@ -124,4 +125,4 @@ def _names(run: dict[str, Any]) -> str:
     names = [robot["name"] for robot in run["robots"]]
     if len(names) > 3:
         return f"{names[0]}, {names[1]} and {len(names) - 2} more robots"
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    return listed(names)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.colours import ROBOT_COLOURS, robot_colour
 from wiclosure.pipeline.report.html.packing import along_curve, packed_bytes, packed_steps, unpacked_array
 from wiclosure.types import Float32Array, FloatArray, IntArray, Trajectory

@@ -61,7 +61,7 @@ def _memory_and_traffic(metrics: Metrics) -> dict[str, Any]:
         "caption": "Memory and radio traffic",
         "header": ["", "MB"],
         "rows": [
-            ["peak memory of the process", metrics["peak_rss_mb"]],
+            *([["peak memory of the process", peak]] if (peak := metrics["peak_rss_mb"]) is not None else []),
             ["sent between robots", None if sent is None else sent / 1e6],
         ],
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wiclosure.display import significant
+from wiclosure.display import listed, significant
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 
@@ -35,7 +35,7 @@ def _connected(metrics: Metrics) -> str:
     if len(components) == 1:
         together = "Both" if robots == 2 else f"All {robots}"
         return f"{together} robots lie in one map, joined by {counted_noun(accepted, 'closure')}"
-    groups = "; ".join(" and ".join(c["robots"]) for c in components)
+    groups = "; ".join(listed(c["robots"]) for c in components)
     return f"Not all robots are connected ({groups}): {counted_noun(accepted, 'closure')} accepted"
 
 

@@ -6,9 +6,9 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.backends.graph_files.g2o_writer import write_g2o
 from wiclosure.backends.graph_files.team import read_graphs
-from wiclosure.backends.pose_graph import optimise
 from wiclosure.errors import OutputError
 
 TIGHT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)

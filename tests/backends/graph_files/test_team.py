@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.backends.graph_files.team import read_graphs
-from wiclosure.backends.pose_graph import optimise
-from wiclosure.backends.team_arrays import TeamArrays
+from wiclosure.backends.least_squares.team_arrays import TeamArrays
 
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from wiclosure import se3
-from wiclosure.backends.pose_graph import optimise
+from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.drift import DriftModel
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.pipeline.config import EarthSettings
@@ -81,3 +83,26 @@ def test_positions_place_the_map(setting):
     true = truth[:, :3, 3] - truth[0, :3, 3]
     assert np.linalg.norm(at - true, axis=1).mean() < 1.5  # the simulated world's x points east
     assert metrics["up"]["alpha"]["outvoted"] == 0
+
+
+def test_where_odometry_slips_the_imu_goes_on(setting):
+    front, inputs, _ = setting
+    steps = se3.between(front.odometry.poses[:-1], front.odometry.poses[1:])
+    steps[200:230, :3, 3] *= 0.4
+    poses = [front.odometry.poses[0]]
+    for step in steps:
+        poses.append(poses[-1] @ step)
+    rng = np.random.default_rng(1)
+    noise = se3.exp(rng.normal(size=(len(poses), 6)) * np.repeat([0.001, 0.01], 3))
+    off = front.replaced(replace(front.odometry, poses=np.stack(poses) @ noise), np.zeros(len(steps), bool))
+    found = grounded({"alpha": off}, inputs, EarthSettings(gnss=False))
+    assert any("otherwise than its IMU felt" in sentence for sentence in found.sentences)
+
+    def whole(path):
+        return se3.between(*path.keyframes.poses[[0, -1]])[:3, 3]
+
+    before, after = (np.linalg.norm(whole(path) - whole(front)) for path in (off, found.fronts["alpha"]))
+    assert after < 0.4 * before
+    mended = found.fronts["alpha"]
+    np.testing.assert_allclose(mended.keyframes.poses, mended.odometry.poses[front.keyframe_indices], atol=1e-9)
+    np.testing.assert_allclose(mended.scans.poses, mended.odometry.poses, atol=1e-9)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.backends.graph_result import GraphResult
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.estimate.graph_result import GraphResult
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.colours import ROBOT_COLOURS
 from wiclosure.frontends.front_end_result import FrontEndCounts, FrontEndResult
 from wiclosure.pipeline.config import Config

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.colours import ROBOT_COLOURS, robot_colour
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures

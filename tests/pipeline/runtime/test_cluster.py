@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -72,8 +74,6 @@ def _first_or(done: Iterator[object], waiting: threading.Thread) -> None:
 
     def interrupt() -> None:
         waiting.join()
-        import signal
-
         signal.raise_signal(signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
@@ -116,6 +116,33 @@ def test_a_lost_scheduler_is_one_line(while_waiting: bool, labour: ModuleType, t
                 if number == 10:
                     scheduler.kill()
                     scheduler.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("whose", ["client", "scheduler"])
+def test_workers_that_stay_away_are_one_line(
+    whose: str, labour: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dask's time for that counts, of whoever has it."""
+    import dask
+
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__NO_WORKERS_TIMEOUT", "2s" if whose == "scheduler" else "1h")
+    with (
+        dask.config.set({"distributed.scheduler.no-workers-timeout": "2s" if whose == "client" else "1h"}),
+        scheduler_and_worker(tmp_path) as (_, address, worker),
+        cluster(address) as connected,
+    ):
+        (pid,) = connected.process_ids().values()
+
+        def kill() -> None:
+            _until(tmp_path / "begun")
+            worker.kill()  # it would start another one
+            os.kill(pid, signal.SIGKILL)
+
+        threading.Thread(target=kill, daemon=True).start()
+        told = rf"all workers of {address} are gone, and none has come back; .*: start some \(dask worker {address}\)"
+        with pytest.raises(ProcessError, match=told):
+            dict(connected.each(labour.go_on, [tmp_path]))
 
 
 @contextmanager
@@ -193,7 +220,7 @@ def test_tls_needs_the_files_that_the_scheduler_trusts(labour: ModuleType, tmp_p
 
 def tls_files(folder: Path) -> TlsFiles:
     """An authority that signs itself, and a certificate for this machine that it signs."""
-    x509 = pytest.importorskip("cryptography.x509")
+    from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
     from cryptography.hazmat.primitives.asymmetric import ec
 

@@ -10,7 +10,7 @@ import pytest
 from wiclosure.errors import printable
 from wiclosure.pipeline.runtime.log import json_log, warnings_on_terminal
 
-OURS = logging.getLogger("wiclosure.backends.pcm")
+OURS = logging.getLogger("wiclosure.backends.consistency.pcm")
 
 
 def test_each_line_is_one_record_of_the_package(tmp_path: Path) -> None:

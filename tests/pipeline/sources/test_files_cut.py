@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wiclosure.backends.config import MapSettings
-from wiclosure.backends.map_writers import write_ply
-from wiclosure.backends.merged_map import merge_maps
+from wiclosure.backends.merged.map_writers import write_ply
+from wiclosure.backends.merged.merged_map import merge_maps
 from wiclosure.errors import InputError
 from wiclosure.pipeline.sources.open import open_source
 

@@ -112,10 +112,11 @@ def test_poses_follow_a_pull_by_their_covariance() -> None:
     graph = graph_of(LINKS[1])
     root, pull = SquareRoot.of(graph), np.random.default_rng(2).normal(size=(2, 6, 1))
     solved, places = root.solved(np.array([4, 15]), pull)
-    left = np.zeros((FIRST[-1], 6))
-    left[places] = solved[:, :, 0]
     expected = np.einsum("nimj,mj->ni", inverse(graph)[:, :, [4, 15]], pull[:, :, 0])
-    np.testing.assert_allclose(root.following(left), expected, rtol=1e-8, atol=1e-12)
+    found = root.following(np.arange(FIRST[-1]), solved, places)[:, :, 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-12)
+    some = np.array([16, 3, 3])
+    np.testing.assert_array_equal(root.following(some, solved, places)[:, :, 0], found[some])
 
 
 def test_an_error_may_move_one_robot_alone() -> None:

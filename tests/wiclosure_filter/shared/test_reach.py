@@ -76,6 +76,19 @@ def test_what_is_left_out_the_gate_would_not_keep(gravity_aligned: bool, method:
             np.testing.assert_allclose(part.overlap_probability, every.overlap_probability, atol=1e-6)
 
 
+def test_pairs_are_ranked_by_robots_that_share_much() -> None:
+    """Each robot comes right after others of its part of the row; the order of the pairs given does not count."""
+    shared = shared_by(WiClosureFilter(), seed=0)
+    pairs = list(shared.estimates)
+    ranked = shared.by_rank(pairs)
+    assert sorted(ranked) == sorted(pairs)
+    assert shared.by_rank(reversed(pairs)) == ranked
+    (estimate,) = set(shared.estimates.values())
+    robots = sorted({robot for pair in pairs for robot in pair}, key=estimate.rank)
+    assert sorted(map(estimate.rank, robots)) == list(range(len(robots)))
+    assert [max(map(robots.index, pair)) for pair in ranked] == sorted(max(map(robots.index, pair)) for pair in pairs)
+
+
 def test_tables_are_no_larger_than_where_robots_meet() -> None:
     chosen = WiClosureFilter()
     shared, gate = shared_by(chosen, seed=1), make_gate(chosen.settings.gate)

@@ -9,7 +9,7 @@ from wiclosure.errors import InputError
 from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag
 from wiclosure.pipeline.data.folders.overview import overview
-from wiclosure.types import Scan, Trajectory
+from wiclosure.types import Scan, Trajectory, WirelessLog, WirelessMeasurement
 
 
 @pytest.fixture
@@ -55,6 +55,16 @@ def test_with_a_data_set_each_file_has_its_use_and_files_elsewhere_are_added(sit
     }
     assert found["beta.bag"][0] == "elsewhere"
     assert lines(site / "dataset.yaml") == found
+
+
+def test_a_bag_with_radio_of_its_own_is_read_for_both(site: Path) -> None:
+    heard = WirelessLog((WirelessMeasurement(10**18, "alpha", "beta", 5.0, 0.3),))
+    scans = [Scan(k * 10**8 + 10**18, np.ones((20, 3)) * (k + 1)) for k in range(3)]
+    write_ros1_bag(site / "gamma.bag", scans, wireless=heard)
+    assert lines(site)["gamma.bag"][1] == ""
+    (site / "dataset.yaml").write_text("robots: {alpha: {scans: gamma.bag}, beta: {scans: alpha.bag}}\n")
+    found = lines(site)
+    assert (found["gamma.bag"][1], found["alpha.bag"][1]) == ("scans of alpha, wireless", "scans of beta")
 
 
 def test_one_file_is_one_line_and_a_recording_has_more_to_show_elsewhere(site: Path) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.backends.merged_map import MergedMap
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.colours import ROBOT_COLOURS
 from wiclosure.pipeline.report.html.packing import unpacked_array
 from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, fewer_points, map_entry, robot_entry

@@ -30,7 +30,7 @@ const tables = (of) => (of ?? []).map((t) => [table(t.caption, t.header, t.rows,
 function costs(seconds) {
   if (!seconds?.total) return null;
   const bar = (value) => el("span", { class: "bar-cell" }, el("span", { class: "bar-track" }, el("span", { class: "bar", style: { width: `${(100 * value) / seconds.total}%` } })), `${figure((100 * value) / seconds.total, 2)} %`);
-  const stages = Object.entries(seconds).filter(([stage]) => stage !== "total");
+  const stages = Object.entries(seconds).filter(([stage, value]) => stage !== "total" && value >= 5e-4); // others did not run
   return table("Seconds per stage, as from raw scans", ["stage", "seconds", "share"],
     [...stages.map(([stage, value]) => [stage, value, bar(value)]), ["total", seconds.total, ""]]);
 }
@@ -38,7 +38,7 @@ function costs(seconds) {
 function reproduce(run) {
   if (!run.versions && !run.config) return null;
   return [
-    run.config ? el("p", {}, "With the same recordings and these versions: ", el("code", {}, report.kind === "filter" ? "wiclosure filter ... --config config.yaml" : report.kind === "optimisation" ? "wiclosure optimize ... --config config.yaml" : "wiclosure run DATA --config config.yaml"), ", where config.yaml is the configuration below.") : null,
+    run.config ? el("p", {}, "With the same recordings and these versions: ", el("code", {}, report.kind === "filter" ? "wiclosure filter ... --config config.yaml" : report.kind === "optimisation" ? "wiclosure optimize ... --config config.yaml" : "wiclosure run DATA --config config.yaml"), ", with the config.yaml of the run's folder.") : null,
     run.versions ? table("Versions", ["package", "version"], Object.entries(run.versions)) : null,
     run.config ? el("details", {}, el("summary", {}, "Configuration"), el("pre", { tabindex: "0" }, run.config)) : null,
   ];

@@ -11,7 +11,7 @@ export async function radio(run) {
   const holder = el("div");
   const show = async (k) => holder.replaceChildren(await radioPair(pairs[k]));
   const summary = table("Alignment of two robots' odometry frames by the radio",
-    ["robots", "certain", "measurements", "sigma of yaw, degrees", "sigma of x, m", "of y, m", "alternatives", "odds against the next"],
+    ["robots", "certain", "measurements", "sigma of yaw, degrees", "sigma of x, m", "sigma of y, m", "alternatives", "odds against the next"],
     pairs.map((p) => [`${p.a} and ${p.b}`, p.certain, p.measured, p.sigma?.yaw_deg ?? null, p.sigma?.x_m ?? null, p.sigma?.y_m ?? null,
       p.alternatives.length, p.alternatives.length ? odds(Math.min(...p.alternatives.map((a) => a.odds))) : null]), { wide: true });
   await show(0);

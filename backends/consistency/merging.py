@@ -1,0 +1,188 @@
+"""Robots become groups, groups one map: sets of closures that agree join them, and the rest checks every closure.
+
+Each round compares all closures between two groups (of whichever of their robots), so that closures of different pairs
+of robots check each other over third robots; sets that hold join their groups, and the joined groups are estimated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure.backends.consistency.group_cycles import settle_cycles
+from wiclosure.backends.consistency.joining import joined_groups, strongest
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
+from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
+from wiclosure.backends.sets import sigma_scale
+from wiclosure.backends.sets.alignment import ClosureComparison
+from wiclosure.backends.sets.candidate_sets import CandidateSet
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+REFINEMENTS = 4  # of the scale of sigma
+SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
+TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+
+
+@dataclass(eq=False)
+class MergedGroups:
+    """What came of it.
+
+    Args:
+        inlier: `(M,)` closures that are accepted.
+        group: `(R,)` of each robot.
+        reason: by closure, where it is rejected.
+        candidates: sets between robots of the first round.
+        settled: the estimate within the groups.
+        factors: `(2,)` on the standard deviations of rotation and of translation.
+    """
+
+    inlier: BoolArray
+    group: IntArray
+    reason: dict[int, str]
+    candidates: list[CandidateSet]
+    settled: Settled
+    factors: FloatArray
+
+    @property
+    def scale(self) -> float:
+        """One factor: the larger."""
+        return float(self.factors.max())
+
+
+def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
+    """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
+    everything = _everything(robots)
+    if settings.most_scale <= 1:
+        return _merged(robots, settings, everything, 1.0)
+    merged = _under_one_factor(robots, settings, everything)
+    for _ in range(SEPARATIONS):
+        factors = _separated(robots, settings, merged)
+        if factors is None:
+            break
+        restated = robots.scaled(factors)
+        merged = _under_one_factor(restated, settings, _everything(restated))
+        merged.factors = merged.factors * factors
+    return merged
+
+
+def _everything(robots: Robots) -> Settled:
+    """Each robot by all of its own loops."""
+    own = robots.own
+    return settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
+
+
+def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
+    scale = _scale(robots, settings, everything)
+    merged = _merged(robots, settings, everything, scale)
+    left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
+    better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
+    if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
+        return merged
+    return _merged(robots, settings, everything, better)
+
+
+def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
+    """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
+    inlier, group = merged.inlier, merged.group
+    ends = robots.groups_of_ends(group)
+    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+
+    def under(more: FloatArray) -> VarianceComponents:
+        of = robots.scaled(merged.factors * more)
+        settled = settle(
+            of.odometry, of.loops, inlier, inlier & (ends[0] == ends[1]), merged.settled.poses, held, np.inf
+        )
+        return settled.components
+
+    more = separate_factors(merged.settled.components, under)
+    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
+    return None if (more == 1.0).all() else np.clip(merged.factors * more, least, most)
+
+
+def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
+    """Of what robots say within themselves; else of the sets between them."""
+    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+    known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
+    if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
+        as_stated = _own(robots, everything, limit)
+        fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
+        if fitting is not None and fitting <= sigma_scale.NO_MATTER:
+            wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
+            under_wider = _own(robots.scaled(wider), everything.scaled(wider), limit)
+            if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
+                return sigma_scale.settled(fitting, most)
+    for _ in range(REFINEMENTS):
+        if known is None:
+            break
+        before, scale = scale, sigma_scale.settled(known, most)
+        if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
+            return scale
+        by_itself = _own(robots.scaled(scale), everything.scaled(scale), limit)
+        left = sigma_scale.of_residuals(by_itself.redundant, robots.degrees)
+        if left is None:
+            break
+        known = scale * left
+    if known is not None:
+        return scale
+    settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
+    alone = np.arange(robots.count)
+    widest = settings.agree_limit * (2.0 * most) ** 2
+    largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
+    comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
+    return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
+
+
+def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
+    """Each robot by its own loops: all of them, where none contradicts the others."""
+    own = robots.own
+    if not (everything.distance[own] > limit).any():
+        return everything
+    inlier = own.copy()
+    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), [robots.poses], robots.first_nodes, limit)
+    return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
+
+
+def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
+    """Round after round."""
+    limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
+    group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
+    of_robots: list[CandidateSet] | None = None
+    while True:
+        places = places_of_groups(robots, group, settled)
+        pairs = pairs_of_groups(robots, group)
+        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
+        settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
+        of_robots = candidates if of_robots is None else of_robots
+        holding = strongest(candidates, settings.ambiguous_share)
+        if not holding:
+            break
+        group, poses, joined = joined_groups(robots, group, settled, holding, settings.agree_limit)
+        ends = robots.groups_of_ends(group)
+        inside = ends[0] == ends[1]
+        inlier = settled.inlier.copy()
+        inlier[joined] = True
+        held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+        settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
+    reasons = _reasons(robots, group, settled, candidates)
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
+
+
+def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:
+    """Why closures are rejected."""
+    first, second = robots.groups_of_ends(group)
+    reasons: dict[int, str] = {}
+    for candidate in reversed(last):
+        for row in candidate.rows.tolist():
+            reasons[row] = candidate.refutation or candidate.objection
+    for row in np.flatnonzero(~settled.inlier).tolist():
+        if first[row] == second[row]:
+            sigmas = np.sqrt(settled.distance[row])
+            reasons[row] = f"contradicts what the other closures and odometry predict, {sigmas:.1f} sigma off"
+        else:
+            reasons.setdefault(row, "no other closure agrees with it")
+    return reasons

@@ -1,0 +1,135 @@
+"""Which closures are consistent with each other and with odometry, at once or as they arrive."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
+from wiclosure.backends.config import PcmSettings
+from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
+from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.consistency.pair_report import PairConsistency
+from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.sets.candidate_sets import CandidateSet
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.types import Closure, Stage, Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PcmResult:
+    """Closures as the consistency check leaves them, in the order given, and what was found between each two robots.
+
+    Args:
+        closures: accepted or rejected with a reason.
+        pairs: one report for each two robots that closures connect, and for each robot that they close.
+        scale: how many times the stated standard deviations are taken (`PcmSettings.max_scale`).
+        basis: the estimate that the decisions rest on, where `method: groups` made one.
+    """
+
+    closures: tuple[Closure, ...]
+    pairs: tuple[PairConsistency, ...]
+    scale: float = 1.0
+    basis: tuple[TeamArrays, MergedGroups] | None = None
+
+    @property
+    def diagnosis(self) -> tuple[str, ...]:
+        """One sentence for each pair of robots."""
+        sentences = tuple(pair.sentence for pair in self.pairs)
+        if self.scale == 1:
+            return sentences
+        return (
+            f"stated standard deviations are taken {self.scale:.2g} times as large: so odometry and closures agree",
+            *sentences,
+        )
+
+
+def pairwise_consistent(
+    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings | None = None
+) -> PcmResult:
+    """Accepts live closures that agree with each other and with odometry; rejects the others.
+
+    Args:
+        closures: any; those not measured yet, or rejected, pass through unchanged.
+        trajectories: keyframe odometry by robot, with its drift model; each robot in its own frame.
+        settings: defaults where None.
+
+    Raises:
+        InputError: a closure names a robot or a keyframe that the trajectories do not have.
+    """
+    settings = settings or PcmSettings()
+    if not settings.enabled:
+        closure_sets(closures, trajectories, settings.noise)  # names unknown robots and keyframes
+        return PcmResult(tuple(closures), ())
+    sets, unusable = closure_sets(closures, trajectories, settings.noise)
+    decisions = {row: Decision(False, reason) for row, reason in unusable.items()}
+    if settings.published:
+        found = [largest_clique(closure_set, trajectories, settings) for closure_set in sets]
+        for _, of_pair in found:
+            decisions |= of_pair
+        checked = decided(closures, Stage.CONSISTENCY, decisions)
+        return PcmResult(tuple(_with_support(checked, sets, decisions)), tuple(report for report, _ in found))
+    if not sets:
+        return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
+    team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
+    merged = merge_groups(team.robots, merge_settings(settings, team.robots.degrees))
+    for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
+        decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
+    checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
+    of_pair_sets: defaultdict[tuple[int, int], list[CandidateSet]] = defaultdict(list)
+    for candidate in sorted(merged.candidates, key=len, reverse=True):
+        of_pair_sets[candidate.a, candidate.b].append(candidate)
+    reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
+
+
+def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
+    """In the merge's own terms, for measurements of so many degrees of freedom."""
+    return MergeSettings(
+        agree_limit=chi_square_limit(settings.probability, degrees),
+        probability=settings.probability,
+        ambiguous_share=settings.ambiguous_share,
+        min_size=settings.min_clique_size,
+        most_scale=settings.max_scale,
+    )
+
+
+def _pair(closure_set: ClosureSet, team: TeamArrays) -> tuple[int, int]:
+    """Numbers of its robots, the lower first."""
+    one, other = (team.names.index(robot) for robot in (closure_set.robot_a, closure_set.robot_b))
+    return min(one, other), max(one, other)
+
+
+def _report(
+    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision]
+) -> PairConsistency:
+    """Of one pair of robots, or of one robot, from the sets found there, largest first."""
+    sizes = [*map(len, found), 0, 0]
+    kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
+    objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
+    if kept:
+        said = f"{kept} of {len(closure_set)} closures agree and are accepted"
+    elif len(closure_set) == 1:
+        said = "a single closure cannot be checked"
+    else:
+        said = objections[0] if objections else f"no two of the {len(closure_set)} closures agree"
+    ambiguous = not kept and bool(objections) and objections[0].startswith("ambiguous")
+    return PairConsistency(
+        closure_set.robot_a, closure_set.robot_b, len(closure_set), kept, sizes[0], sizes[1], proven=True,
+        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}",
+    )  # fmt: skip
+
+
+def _with_support(
+    closures: Sequence[Closure], sets: Sequence[ClosureSet], decisions: Mapping[int, Decision]
+) -> list[Closure]:
+    """With the number of other accepted closures of the same pair of robots, for those accepted."""
+    found = list(closures)
+    for closure_set in sets:
+        inside = [row for row in closure_set.rows.tolist() if decisions[row].accepted]
+        for row in inside:
+            found[row] = replace(found[row], consistent_with=len(inside) - 1)
+    return found

@@ -1,0 +1,1 @@
+"""Factors in GTSAM's language: odometry, closures, directions up, fixes, ranges and bearings."""

@@ -1,0 +1,1 @@
+"""Relative poses as arrays, their least squares, and which of them are outliers."""

@@ -1,0 +1,68 @@
+"""A team of robots as arrays: nodes, odometry and closures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure.backends.least_squares.edges import Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.variance_components import restated
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Robots:
+    """A team as arrays.
+
+    Args:
+        robot: `(N,)` robot of each node, numbered; nodes of one robot follow each other.
+        poses: `(N, 4, 4)` by odometry, each robot in its own frame.
+        odometry: edges between consecutive nodes.
+        loops: all closures `(M,)`.
+        predicted: `(M,)` closures that a prediction supports.
+        along_m: `(N,)` way from the robot's first keyframe to each node, by odometry.
+        length_m: `(R,)` of each robot's path, which may go on beyond its last node.
+        step_m: median distance between keyframes; nodes may be further apart.
+    """
+
+    robot: IntArray
+    poses: FloatArray
+    odometry: Edges
+    loops: Edges
+    predicted: BoolArray
+    along_m: FloatArray
+    length_m: FloatArray
+    step_m: float
+
+    @property
+    def count(self) -> int:
+        """Of robots."""
+        return int(self.robot[-1]) + 1
+
+    @cached_property
+    def degrees(self) -> int:
+        """Of freedom of all measurements."""
+        return degrees_of_freedom(self.odometry.T, self.loops.T)
+
+    @property
+    def own(self) -> BoolArray:
+        """Closures `(M,)` within one robot."""
+        return np.asarray(self.robot[self.loops.first] == self.robot[self.loops.second])
+
+    def groups_of_ends(self, group: IntArray) -> tuple[IntArray, IntArray]:
+        """Group of both ends of each closure, by the group `(R,)` of each robot."""
+        return group[self.robot[self.loops.first]], group[self.robot[self.loops.second]]
+
+    @property
+    def first_nodes(self) -> IntArray:
+        """Of each robot."""
+        return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
+
+    def scaled(self, factors: float | FloatArray) -> Robots:
+        """All standard deviations times one factor, or `(2,)` of rotation and translation."""
+        odometry, loops = (
+            Edges(e.first, e.second, e.T, restated(e.covariance, factors)) for e in (self.odometry, self.loops)
+        )
+        return replace(self, odometry=odometry, loops=loops)

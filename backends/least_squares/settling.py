@@ -1,0 +1,194 @@
+"""Which closures within groups of robots that are joined already are inliers, and the estimate by them.
+
+Odometry is a known inlier.  Graduated non-convexity finds the inliers from any start; then each closure is checked
+against what all others predict, with the covariance of that prediction: a closure that nothing but odometry opposes
+pulls the estimate to itself, and its own residual would not tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import f
+
+from wiclosure import se3
+from wiclosure.backends.least_squares.edges import Edges, System, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.normal_matrix import DEGREES
+from wiclosure.backends.least_squares.variance_components import VarianceComponents
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent
+REDUNDANCY_FLOOR = 1e-5  # of a closure that nothing checks
+CHECKED = 0.05  # share of an edge's variance that its residual shows: with less, it tells nothing of sigma
+MU_GROWTH = 1.4  # of mu
+MOST_GNC_STEPS = 150
+NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
+CHECK_ROUNDS = 6
+NEAREST = 5  # outliers at least, up to the distance of which they are counted
+WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The estimate within each group.
+
+    Args:
+        poses: `(N, 4, 4)` in the groups' frames.
+        wander: `(N, 6, S)` samples of their errors, as tangent vectors in the groups' frames.
+        inlier: `(M,)` closures that the estimate rests on.
+        distance: `(M,)` squared Mahalanobis distance of each closure from what the others predict; NaN outside groups.
+        redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
+        components: what the residuals say of rotation and translation apart.
+    """
+
+    poses: FloatArray
+    wander: FloatArray
+    inlier: BoolArray
+    distance: FloatArray
+    redundant: FloatArray
+    components: VarianceComponents = field(default_factory=VarianceComponents.none)
+
+    def scaled(self, scale: float) -> Settled:
+        """The same with all standard deviations so many times as large."""
+        squared = scale**2
+        return replace(
+            self,
+            wander=scale * self.wander,
+            distance=self.distance / squared,
+            redundant=self.redundant / squared,
+            components=replace(self.components, squared=self.components.squared / squared),
+        )
+
+
+def outlier_limit(closures: int, probability: float, degrees: int = DEGREES) -> float:
+    """Squared distance that not one of so many true closures exceeds, with this probability.
+
+    Hotelling's distribution rather than chi-square, because the covariances are sampled.
+    """
+    freedom = SAMPLES - degrees + 1
+    return float(f.ppf(probability ** (1.0 / max(closures, 1)), degrees, freedom) * degrees)
+
+
+def fewest_errors(inliers: int, outliers: FloatArray, limit: float, degrees: int = DEGREES) -> float:
+    """Squared distance, up to `limit`, that leaves the fewest true closures beyond it and false ones within.
+
+    True ones are distributed as `outlier_limit` has it.  False ones are as dense around the prediction as beyond the
+    limit, as far as there are some: their number grows with the volume of the ellipsoid.
+
+    Args:
+        inliers: how many closures are within the limit.
+        outliers: squared distances `(K,)` of the others.
+        limit: squared distance from which a closure is an outlier, however few there are.
+        degrees: of freedom.
+    """
+    if not len(outliers) or not np.isfinite(limit):
+        return limit
+    freedom = SAMPLES - degrees + 1
+    bounds = limit * np.linspace(0.1, 1.0, 91)
+    farthest = max(2.0 * limit, float(np.sort(outliers)[:NEAREST][-1]))
+    volume = farthest ** (degrees / 2) - limit ** (degrees / 2)
+    false = (outliers <= farthest).sum() / volume * bounds ** (degrees / 2)
+    true = inliers * f.sf(bounds / degrees, degrees, freedom)
+    return float(bounds[np.argmin(true + false)])
+
+
+def graduated(
+    odometry: Edges, loops: Edges, starts: Sequence[FloatArray], held: IntArray, limit: float
+) -> tuple[BoolArray, FloatArray]:
+    """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
+
+    Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
+    the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
+    from the last start, and it is the answer where it costs less than what came of them.
+    """
+    system, count = System.of(odometry + loops, len(starts[0]), held), len(odometry)
+    for start in starts:
+        plain = poses = system.solved(start)
+        chi_square = system.chi_squares(poses)[count:]
+        if (chi_square <= limit).all():
+            return np.ones(len(loops), bool), poses
+    mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
+    for _ in range(MOST_GNC_STEPS):
+        weights = _truncated_weights(chi_square, limit, mu)
+        if np.isin(weights, (0.0, 1.0)).all():
+            break
+        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=NEWTON_STEPS)
+        chi_square = system.chi_squares(poses)[count:]
+        mu *= MU_GROWTH
+    poses = system.solved(poses, np.concatenate([np.ones(count), chi_square <= limit]))
+    best = min((poses, plain), key=lambda found: truncated_cost(system.chi_squares(found), count, limit))
+    return system.chi_squares(best)[count:] <= limit, best
+
+
+def truncated_cost(chi_squares: FloatArray, known: int, limit: float) -> float:
+    """Of known inliers, which come first, in full; of the others up to the limit."""
+    return float(chi_squares[:known].sum() + np.minimum(chi_squares[known:], limit).sum())
+
+
+def _truncated_weights(chi_square: FloatArray, limit: float, mu: float) -> FloatArray:
+    """Weights `(N,)` of the surrogate cost (eq. 14 of Yang et al.): 1 inside, 0 outside, falling between."""
+    inside, outside = limit * mu / (mu + 1), limit * (mu + 1) / mu
+    between = np.sqrt(limit * mu * (mu + 1) / np.clip(chi_square, inside, outside)) - mu
+    return np.where(chi_square <= inside, 1.0, np.where(chi_square >= outside, 0.0, between))
+
+
+def settle(
+    odometry: Edges,
+    loops: Edges,
+    inlier: BoolArray,
+    inside: BoolArray,
+    poses: FloatArray,
+    held: IntArray,
+    limit: float,
+) -> Settled:
+    """Starts with the given inliers, drops those that the others contradict and admits those that they predict.
+
+    Args:
+        odometry: known inliers.
+        loops: all closures `(M,)`.
+        inlier: those to start with.
+        inside: those whose ends are in one group; no other can be checked.
+        poses: start, in the groups' frames.
+        held: first node of each group.
+        limit: squared distance from which a closure is an outlier.
+    """
+    rng = np.random.default_rng(len(loops))
+    rows = np.flatnonzero(inside)
+    system = System.of(odometry + loops.subset(rows), len(poses), held)
+    noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
+    kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
+    degrees = degrees_of_freedom(odometry.T, loops.T)
+    for step in range(CHECK_ROUNDS):
+        weights = np.concatenate([np.ones(count), kept.astype(float)])
+        poses, moved = system.sampled(poses, weights, noise)
+        residuals = system.residuals(poses)
+        covariance = _residual_covariance(system, poses, moved, noise)
+        distance = mahalanobis_squared(residuals, covariance)
+        of_loops = distance[count:]
+        bound = fewest_errors(int((of_loops <= limit).sum()), of_loops[of_loops > limit], limit, degrees)
+        drop = kept & (of_loops > bound)
+        if drop.any():
+            drop &= of_loops >= WORST * of_loops[drop].max()
+        admit = ~kept & (of_loops <= bound) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
+        if step == CHECK_ROUNDS - 1 or not (drop.any() or admit.any()):
+            break
+        locked += drop
+        kept = (kept & ~drop) | admit
+    found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
+    found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
+    wander = se3.adjoint(poses) @ moved
+    used = np.concatenate([np.ones(count, bool), kept])
+    checked = np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
+    expected = np.diagonal(covariance, axis1=1, axis2=2)
+    components = VarianceComponents.of(residuals[used], expected[used], degrees)
+    return Settled(poses, wander, mask, found, distance[checked & used], components)
+
+
+def _residual_covariance(system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
+    """`(M, 6, 6)` of the whitened residuals, as sampled."""
+    A, B = system.jacobians(poses)
+    sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
+    covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - DEGREES - 1)
+    return np.asarray(covariance + REDUNDANCY_FLOOR * np.eye(DEGREES))

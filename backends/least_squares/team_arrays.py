@@ -1,0 +1,76 @@
+"""Trajectories and closures as the arrays that the estimate works on: keyframes in factors are nodes, numbered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import ClosureSet, canonical_order
+from wiclosure.backends.factor_graph.factors import keyframes_in_factors, odometry_covariances
+from wiclosure.backends.least_squares.edges import Edges
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class TeamArrays:
+    """A team whose nodes are the keyframes that closures hold, the first of each robot among them.
+
+    Args:
+        robots: the arrays.
+        names: robot names in the order of the arrays: by how the robots started, so that names and order of robots
+            change nothing.
+        nodes: keyframe indices `(K,)` by robot.
+        rows: `(M,)` row of each closure in the list that the sets came from.
+    """
+
+    robots: Robots
+    names: tuple[str, ...]
+    nodes: Mapping[str, IntArray]
+    rows: IntArray
+
+    @classmethod
+    def of(cls, trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], predicted: BoolArray) -> TeamArrays:
+        """Of the closures in `sets`; `predicted` by row of the list that they came from."""
+        names = canonical_order(trajectories)
+        nodes = keyframes_in_factors(trajectories, sets)
+        offset = dict(zip(names, np.cumsum([0, *(len(nodes[name]) for name in names)]), strict=False))
+        steps = [_steps(trajectories[name], nodes[name], int(offset[name])) for name in names]
+        odometry = Edges.stacked(steps)
+        loops = Edges.stacked(
+            [
+                Edges(
+                    offset[closure_set.robot_a] + np.searchsorted(nodes[closure_set.robot_a], closure_set.index_a),
+                    offset[closure_set.robot_b] + np.searchsorted(nodes[closure_set.robot_b], closure_set.index_b),
+                    closure_set.T_a_b,
+                    closure_set.covariance,
+                )
+                for closure_set in sets
+            ]
+        )
+        rows = np.concatenate([np.zeros(0, np.int64), *(closure_set.rows for closure_set in sets)])
+        robot = np.repeat(np.arange(len(names)), [len(nodes[name]) for name in names])
+        # Each robot from its first pose: far from the origin, as UTM coordinates are, digits would be lost.
+        local = [se3.between(trajectories[name].poses[0], trajectories[name].poses[nodes[name]]) for name in names]
+        step_m = float(np.median(np.concatenate([np.zeros(1), *(np.diff(t.distance) for t in trajectories.values())])))
+        along_m = np.concatenate([trajectories[name].distance[nodes[name]] for name in names])
+        length_m = np.array([np.ptp(trajectories[name].distance) for name in names])
+        robots = Robots(robot, np.concatenate(local), odometry, loops, predicted[rows], along_m, length_m, step_m)
+        return cls(robots, tuple(names), nodes, rows)
+
+    def poses_of(self, poses: FloatArray) -> dict[str, FloatArray]:
+        """The node poses `(N, 4, 4)` by robot."""
+        return dict(zip(self.names, np.split(poses, self.robots.first_nodes[1:]), strict=True))
+
+    def stacked(self, poses: Mapping[str, FloatArray]) -> FloatArray:
+        """`(N, 4, 4)` of all keyframes' poses by robot."""
+        return np.concatenate([poses[name][self.nodes[name]] for name in self.names])
+
+
+def _steps(trajectory: Trajectory, nodes: IntArray, offset: int) -> Edges:
+    first, second = trajectory.steps(nodes)
+    T, covariance = trajectory.relative_pose(first, second), odometry_covariances(trajectory, nodes, nodes)
+    return Edges(offset + np.searchsorted(nodes, first), offset + np.searchsorted(nodes, second), T, covariance)

@@ -1,0 +1,1 @@
+"""Sets of closures between two groups of robots: which agree, and whether chance explains it."""

@@ -1,0 +1,107 @@
+"""How two groups of robots may lie to each other: dense sets of closures, and whether chance explains them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binom
+
+from wiclosure.backends.sets.claims import Claims, chance_to_agree
+from wiclosure.backends.sets.dense_sets import dense_sets
+from wiclosure.types import FloatArray, IntArray
+
+ANCHORS = 250  # closures that all others are compared with
+MOST_SETS = 4
+FEW = 4  # closures, of which each may be a set of its own: third robots may tell
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureComparison:
+    """Closures between two groups, compared with each other once; sets follow for any scale of sigma.
+
+    Args:
+        claims: N closures.
+        anchors: `(K,)` rows that the others are compared with.
+        distances: `(K, N)` squared Mahalanobis distances.
+        chance: sorted squared distances of recombined closures.
+    """
+
+    claims: Claims
+    anchors: IntArray
+    distances: FloatArray
+    chance: FloatArray
+
+    @classmethod
+    def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
+        """Compares the closures, exactly up to a squared distance of `beyond`."""
+        anchors = _anchors(claims, beyond)
+        return cls(claims, anchors, claims.distances(anchors, beyond), claims.chance_distances())
+
+    def consistent_sets(self, limit: float, most: int = MOST_SETS) -> list[ConsistentSet]:
+        """Dense sets, largest first.
+
+        Args:
+            limit: squared distance within which two closures agree.
+            most: how many.
+        """
+        agree = self.distances <= limit
+        p = chance_to_agree(self.chance, limit, len(self.claims), self.claims.degrees)
+        found, taken = [], np.zeros(len(self.claims), bool)
+        inside = agree[:, self.anchors]
+        for members in dense_sets(inside & inside.T, most):
+            votes = agree[members].sum(axis=0)
+            own = np.isin(np.arange(len(self.claims)), self.anchors[members])
+            belongs = (votes - own >= 0.5 * (len(members) - own)) & ~taken
+            rows = np.flatnonzero(belongs)
+            if len(rows) == 0:
+                continue
+            taken |= belongs
+            medoid = self.anchors[members[np.argmax((agree[members][:, rows]).sum(axis=1))]]
+            found.append(ConsistentSet(rows, int(medoid), p, len(self.claims)))
+        if len(self.claims) <= FEW:
+            alone = np.flatnonzero(~taken)
+            found += [ConsistentSet(np.array([row]), int(row), p, len(self.claims)) for row in alone]
+        return found
+
+
+def _anchors(claims: Claims, beyond: float) -> IntArray:
+    """Rows of all closures or, where they are many, of some of every part and of those that most others lie near.
+
+    The first find each set that is a fair share of all, the second the largest, however small a share that is.
+    """
+    if len(claims) <= ANCHORS:
+        return np.arange(len(claims))
+    spread = np.linspace(0, len(claims) - 1, ANCHORS // 2).round().astype(np.int64)
+    neighbours = claims.neighbours(beyond)
+    neighbours[spread] = -1  # chosen already
+    crowded = np.argsort(-neighbours, kind="stable")[: ANCHORS - len(spread)]
+    return np.union1d(spread, crowded)
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistentSet:
+    """A set of closures that agree.
+
+    Args:
+        rows: `(K,)` of the claims.
+        medoid: the one that most others agree with.
+        p: chance that two unrelated closures agree.
+        total: closures among which the set was found.
+    """
+
+    rows: IntArray
+    medoid: int
+    p: float
+    total: int
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def log_chance(self) -> float:
+        """Logarithm of the expected number of sets as large around one of the closures, were all unrelated."""
+        others = len(self) - 1
+        if others < 1:
+            return float(np.log(self.total))
+        return float(np.log(self.total) + binom.logsf(others - 1, self.total - 1, self.p))

@@ -1,0 +1,206 @@
+"""What closures between two groups of robots claim of one thing: where the second group's frame lies in the first's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from wiclosure import se3
+from wiclosure.backends.least_squares.edges import degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.normal_matrix import DEGREES
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
+COUNTED = 2000  # closures among which neighbours are counted
+NULL_PAIRS = 1000  # recombined pairs from which the chance to agree is estimated
+DIMENSION_FROM = 20  # of them, whose distances say in how many dimensions
+NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
+
+
+@dataclass(frozen=True, eq=False)
+class Claims:
+    """N closures from group A to group B, each as a measurement of `T_A_B`.
+
+    Args:
+        T_A_a, T_B_b: `(N, 4, 4)` estimated poses of the closures' ends in their groups' frames.
+        T_a_b: `(N, 4, 4)` the measurements.
+        covariance: `(N, 6, 6)` of them, as errors in b's body.
+        wander_a, wander_b: `(N, 6, S)` samples of the errors of the ends' estimated poses, as tangent vectors in the
+            groups' frames.
+    """
+
+    T_A_a: FloatArray
+    T_B_b: FloatArray
+    T_a_b: FloatArray
+    covariance: FloatArray
+    wander_a: FloatArray
+    wander_b: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.T_a_b)
+
+    def subset(self, rows: IntArray) -> Claims:
+        """The closures at `rows`."""
+        return Claims(*(a[rows] for a in self._arrays()))
+
+    def recombined(self, rows: IntArray, others: IntArray) -> Claims:
+        """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
+        of_row, of_other = self.subset(rows), self.subset(others)
+        return Claims(of_row.T_A_a, of_other.T_B_b, of_row.T_a_b, of_row.covariance, of_row.wander_a, of_other.wander_b)
+
+    @cached_property
+    def frames(self) -> FloatArray:
+        """`T_A_B (N, 4, 4)` as each closure has it."""
+        return np.asarray(self.T_A_a @ self.T_a_b @ se3.inverse(self.T_B_b))
+
+    @cached_property
+    def degrees(self) -> int:
+        """Of freedom of the differences between frames."""
+        return degrees_of_freedom(self.frames)
+
+    @cached_property
+    def noise(self) -> FloatArray:
+        """Covariance `(N, 6, 6)` of `frames` by the measurements alone, as errors in B."""
+        return se3.rotate_covariance(se3.adjoint(self.T_B_b), self.covariance)
+
+    @cached_property
+    def wander(self) -> FloatArray:
+        """Samples `(N, 6, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
+        samples = self.wander_a.shape[2]
+        both = se3.adjoint(se3.inverse(self.frames)) @ self.wander_a - self.wander_b
+        return np.asarray(
+            both / np.sqrt(max(samples - DEGREES - 1, 1))
+        )  # the inverse of a sampled covariance is larger
+
+    def mean_frame(self, rows: IntArray, near: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`T_A_B` by the closures at `rows` together, each weighted by its own information.
+
+        Args:
+            rows: closures that agree.
+            near: one of them: its frame is where the others are linearised.
+
+        Returns:
+            The frame `(4, 4)`, and of its error in B the covariance `(6, 6)` by the measurements and the samples
+            `(6, S)` by the ends' poses, which the closures share.
+        """
+        noise, wander = self.noise[rows], self.wander[rows]
+        information = np.linalg.inv(noise + wander @ np.swapaxes(wander, 1, 2))
+        gain = np.linalg.solve(information.sum(axis=0), information)
+        apart = se3.log(se3.between(self.frames[near], self.frames[rows]))
+        frame = self.frames[near] @ se3.exp(np.einsum("nij,nj->i", gain, apart))
+        return frame, np.einsum("nij,njk,nlk->il", gain, noise, gain), np.einsum("nij,njs->is", gain, wander)
+
+    def distances(self, rows: IntArray, beyond: float) -> FloatArray:
+        """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all.
+
+        Infinite where rotations or translations alone are further apart than `beyond` allows: seen at little cost.
+        """
+        found = np.full((len(rows), len(self)), np.inf)
+        size = max(1, PAIRS_AT_ONCE // max(len(self), 1))
+        samples = self.wander.shape[2]
+        by_sample = self.wander.reshape(-1, samples).T
+        for start in range(0, len(rows), size):
+            part = rows[start : start + size]
+            first, second = np.nonzero(self._may_agree(part, np.arange(len(self)), beyond))
+            one, other = part[first], second
+            products = self.wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
+            cross = products.reshape(len(part), DEGREES, len(self), DEGREES)[first, :, second]
+            covariance = self._own[one] + self._own[other] - cross - np.swapaxes(cross, 1, 2)
+            error = se3.log(se3.between(self.frames[one], self.frames[other]))
+            found[start + first, second] = mahalanobis_squared(error, covariance)
+        found[np.arange(len(rows)), rows] = 0.0
+        return found
+
+    def neighbours(self, limit: float) -> IntArray:
+        """`(N,)` how many closures may lie within a squared distance of `limit`: bounded from above, at little cost."""
+        counted = np.unique(np.linspace(0, len(self) - 1, min(COUNTED, len(self))).round().astype(np.int64))
+        found = np.zeros(len(self), np.int64)
+        for start in range(0, len(self), PAIRS_AT_ONCE):
+            part = np.arange(start, min(start + PAIRS_AT_ONCE, len(self)))
+            found[part] = self._may_agree(part, counted, limit).sum(axis=1)
+        return found
+
+    @cached_property
+    def _own(self) -> FloatArray:
+        """Covariance `(N, 6, 6)` of each frame by itself."""
+        return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
+
+    def _may_agree(self, rows: IntArray, others: IntArray, limit: float) -> BoolArray:
+        """`(R, K)` False where a squared distance certainly exceeds `limit`.
+
+        It is at least the square of the rotation's part of the error by the largest variance of it, so by their sum; of
+        the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
+        difference is at most twice the sum of both.
+        """
+        turn, shift = (2.0 * np.trace(self._own[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
+        positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
+        apart = cdist(positions[rows], positions[others], "sqeuclidean")
+        angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
+        return np.asarray(
+            (apart <= limit * (shift[rows, None] + shift[others]))
+            & (angles**2 <= limit * (turn[rows, None] + turn[others]))
+        )
+
+    def chance_distances(self) -> FloatArray:
+        """Sorted squared distances `(M,)` between closures recombined of those given: what unrelated ones would have.
+
+        Ends and measurements are drawn anew and independently, so that places, lengths and directions are those of the
+        closures themselves, however few or structured, and no agreement among true ones is left.
+        """
+        n = len(self)
+        rng = np.random.default_rng(n)  # the same for the same closures
+        wanted = min(NULL_PAIRS, 4 * n**2)  # of few closures there are no more to recombine
+        first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
+        unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
+        chosen = np.flatnonzero(unrelated)[:wanted]
+        ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
+        made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
+        unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
+        distances = []
+        for start in range(0, len(chosen), PAIRS_AT_ONCE):
+            i, j = one[start : start + PAIRS_AT_ONCE], other[start : start + PAIRS_AT_ONCE]
+            apart = unrelated.wander[j] - unrelated.wander[i]
+            covariance = unrelated.noise[i] + unrelated.noise[j] + apart @ np.swapaxes(apart, 1, 2)
+            error = se3.log(se3.between(unrelated.frames[i], unrelated.frames[j]))
+            distances.append(mahalanobis_squared(error, covariance))
+        return np.sort(np.concatenate(distances)) if distances else np.zeros(0)
+
+    def _arrays(self) -> tuple[FloatArray, ...]:
+        return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
+
+
+def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees: int = DEGREES) -> float:
+    """Probability that two unrelated closures lie within `limit` of each other.
+
+    The share of recombined pairs that do; where they are too few to count, the share within the distance of the
+    nearest ones, scaled down with the volume of the ellipsoid (a nearest-neighbour density estimate).
+
+    Args:
+        distances: sorted, from `Claims.chance_distances`.
+        limit: squared distance.
+        closures: how many the recombined ones are made of: pairs are no more independent than these allow.
+        degrees: of freedom.
+    """
+    if not len(distances):
+        return 1.0
+    independent = min(len(distances), max(1, closures * (closures - 1) // 2))
+    nearest = max(1, round(NEAREST * len(distances) / independent)) if independent < len(distances) else NEAREST
+    rank = int(np.searchsorted(distances, limit, side="right"))
+    nearest = min(nearest, len(distances))
+    if rank >= nearest:
+        return min(1.0, rank / len(distances))
+    near = distances[: round(DIMENSION_FROM * len(distances) / independent)]
+    exponent = degrees / 2 if independent < 2 * DIMENSION_FROM else min(degrees / 2, _growth(near))
+    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** exponent))
+
+
+def _growth(distances: FloatArray) -> float:
+    """Power of the squared distance with which the number of neighbours grows: half the dimension that they fill.
+
+    Ground robots hardly roll or pitch: unrelated frames fill fewer than six dimensions (Levina and Bickel, NIPS 2004).
+    """
+    ratios = np.log(distances[-1] / np.maximum(distances[:-1], np.finfo(float).tiny))
+    return float(1.0 / max(float(ratios.mean()), 1e-9))

@@ -1,0 +1,143 @@
+"""Sets of closures between two groups of robots, and what speaks against each within the pair."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.least_squares.settling import Settled
+from wiclosure.backends.sets.alignment import ClosureComparison
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED, CandidateSet, Places
+from wiclosure.backends.sets.claims import Claims
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.types import IntArray
+
+VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
+
+
+def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
+    """Rows of the closures between each two groups."""
+    first, second = robots.groups_of_ends(group)
+    between = np.flatnonzero(first != second)
+    if len(between) == 0:
+        return []
+    low, high = np.minimum(first, second)[between], np.maximum(first, second)[between]
+    order = np.lexsort((high, low))
+    pair = (low * len(group) + high)[order]
+    return np.split(between[order], np.flatnonzero(np.diff(pair)) + 1)
+
+
+def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Settled) -> tuple[Claims, int, int]:
+    """The closures between two groups, all from the lower to the higher."""
+    loops, (first, second) = robots.loops.subset(rows), robots.groups_of_ends(group)
+    turned = first[rows] > second[rows]
+    T, covariance = loops.T.copy(), loops.covariance.copy()
+    covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
+    T[turned] = se3.inverse(T[turned])
+    a, b = np.where(turned, loops.second, loops.first), np.where(turned, loops.first, loops.second)
+    claims = Claims(settled.poses[a], settled.poses[b], T, covariance, settled.wander[a], settled.wander[b])
+    low, high = sorted((int(first[rows[0]]), int(second[rows[0]])))
+    return claims, low, high
+
+
+def sets_between(
+    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, settings: MergeSettings
+) -> list[CandidateSet]:
+    """Sets between two groups, with what speaks against each within the pair."""
+    claims, a, b = claims_between(robots, rows, group, settled)
+    comparison = ClosureComparison.of(claims, settings.agree_limit)
+    consistent_sets = comparison.consistent_sets(settings.agree_limit)
+    found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
+    for candidate in found:
+        candidate.coverage = _coverage(robots, candidate, group, settled)
+        candidate.places = _places(robots, candidate)
+        candidate.objection = _objection(robots, candidate, settings.min_size)
+    _compare_sizes(found, settings.ambiguous_share)
+    return found
+
+
+def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Places:
+    """Where closures of each group could be."""
+    of_node = group[robots.robot]
+    return {int(g): (settled.poses[of_node == g], settled.wander[of_node == g]) for g in np.unique(group)}
+
+
+def _span(candidate: CandidateSet) -> float:
+    """How far apart the closures' ends lie in space on either path, m."""
+    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
+    return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
+
+
+def _views(robots: Robots, candidate: CandidateSet, span: float) -> float:
+    """The span by how far apart scans still match."""
+    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
+    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
+    return span / max(reach, 1e-9)
+
+
+def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled: Settled) -> float:
+    """Share of both paths that the closures' ends span, the geometric mean of the two: in space or along, the smaller.
+
+    A path that winds about a field spans it anywhere.  Paths of robots that no closure touches do not count.
+    """
+    nodes = np.concatenate([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]])
+    touched = np.unique(robots.robot[nodes])
+    stretches, lengths, extents = np.zeros(2), np.zeros(2), np.zeros(2)
+    for side, of_side in enumerate((candidate.a, candidate.b)):
+        members = touched[group[touched] == of_side]
+        lengths[side] = robots.length_m[members].sum()
+        stretches[side] = sum(np.ptp(robots.along_m[nodes[robots.robot[nodes] == robot]]) for robot in members)
+        positions = settled.poses[np.isin(robots.robot, members), :3, 3]
+        extents[side] = np.linalg.norm(np.ptp(positions, axis=0))
+    along = stretches.max() / max(float(np.sqrt(lengths.prod())), 1e-9)
+    return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))
+
+
+def _places(robots: Robots, candidate: CandidateSet) -> int:
+    """How many closures, up to `SATURATED`, lie no view apart from each other along either path."""
+    left = np.stack([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]], axis=1)
+    left = left[np.lexsort((left[:, 1], left[:, 0]))]
+    count = 0
+    while len(left) and count < SATURATED:
+        near = (robots.robot[left] == robots.robot[left[0]]).all(axis=1)
+        near &= (np.abs(robots.along_m[left] - robots.along_m[left[0]]) < VIEW_STEPS * robots.step_m).all(axis=1)
+        left, count = left[~near], count + 1
+    return max(count, 1)
+
+
+def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:
+    """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
+    size, total = len(candidate), candidate.closure_set.total
+    if size == 1:
+        return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
+    if size < min_size:
+        return f"no more than {size} of the {total} closures agree, {min_size} must"
+    if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
+        return f"the largest set has {size} of {total} closures, which chance could explain"
+    span, covered = _span(candidate), candidate.coverage >= LEAST_COVERAGE
+    if covered or _views(robots, candidate, span) >= 1 or robots.predicted[candidate.rows].any():
+        return ""
+    return (
+        f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"
+        " nothing else supports them"
+    )
+
+
+def _compare_sizes(found: Sequence[CandidateSet], ambiguous_share: float) -> None:
+    """Two sets of one pair that contradict each other and are alike in size leave it open."""
+    sure = [c for c in found if not c.objection]
+    if len(sure) < 2:
+        return
+    largest, contradicting = sorted(sure, key=len, reverse=True)[:2]
+    close = len(contradicting) >= ambiguous_share * len(largest)
+    sizes = (
+        f"of {len(largest)}" if len(largest) == len(contradicting) else f"of {len(largest)} and {len(contradicting)}"
+    )
+    for candidate in sure:
+        if close:
+            candidate.objection = f"ambiguous, two sets {sizes} closures contradict each other; neither is accepted"
+        elif candidate is not largest:
+            candidate.objection = f"inconsistent with the {len(largest)} closures of the largest consistent set"

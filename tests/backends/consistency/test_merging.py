@@ -1,0 +1,140 @@
+"""Teams: what third robots settle, and what stated standard deviations do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.config import ClosureNoise, PcmSettings
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.types import Closure, KeyframeId, Trajectory
+
+EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+
+
+def between(team, a, b, ends, rng, shift=None):
+    """Closures between keyframes `ends` of two robots, of b as if its frame were moved by `shift`."""
+    closures = [team.closure((a, int(i)), (b, int(j)), noise=rng) for i, j in ends]
+    if shift is None:
+        return closures
+    poses = team.truth[a].poses, shift @ team.truth[b].poses
+    return [
+        team.remeasured(c, T_query_match=se3.between(poses[0][c.query.index], poses[1][c.match.index]))
+        for c in closures
+    ]
+
+
+def live(result):
+    return np.array([c.live for c in result.closures])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_set_of_one_place_falls_to_a_cycle_of_right_ones(team_maker, seed):
+    team, rng = team_maker(seed, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(seed)
+    shift = se3.from_yaw(0.4, np.array([20.0, 5.0, 0.0]))
+    closures = between(team, "alpha", "beta", [(20 + n, 30 + n) for n in range(10)], rng, shift)
+    for robot in ("alpha", "beta"):
+        closures += between(team, robot, "gamma", rng.integers(0, 60, (5, 2)), rng)
+    kept = live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT)))
+    assert not kept[:10].any()
+    assert kept[10:].all()
+
+
+def test_sets_of_which_nothing_tells_the_wrong_one_are_all_refused(team_maker):
+    team, rng = team_maker(4, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(4)
+    shift = se3.from_yaw(0.4, np.array([20.0, 5.0, 0.0]))
+    closures = between(team, "alpha", "beta", rng.integers(0, 60, (10, 2)), rng, shift)
+    for robot in ("alpha", "beta"):
+        closures += between(team, robot, "gamma", rng.integers(0, 60, (10, 2)), rng)
+    result = pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))
+    assert not live(result).any()
+    assert all("over a third one" in c.reason for c in result.closures)
+
+
+def test_an_ambiguous_pair_is_settled_over_a_third_robot(team_maker):
+    team, rng = team_maker(5, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(5)
+    shift = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    right, wrong = (between(team, "alpha", "beta", rng.integers(0, 60, (6, 2)), rng, moved) for moved in (None, shift))
+    alone = pairwise_consistent(right + wrong, team.odometry, PcmSettings(noise=EXACT))
+    assert not live(alone).any()
+    assert any(pair.ambiguous for pair in alone.pairs)
+    others = [c for r in ("alpha", "beta") for c in between(team, r, "gamma", rng.integers(0, 60, (6, 2)), rng)]
+    kept = live(pairwise_consistent(right + wrong + others, team.odometry, PcmSettings(noise=EXACT)))
+    assert kept.tolist() == [True] * 6 + [False] * 6 + [True] * 12
+
+
+def test_single_closures_hold_where_they_close_a_cycle(team_maker):
+    team, rng = team_maker(6, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(6)
+    pairs = (("alpha", "beta"), ("beta", "gamma"), ("alpha", "gamma"))
+    closures = [c for a, b in pairs for c in between(team, a, b, rng.integers(0, 60, (1, 2)), rng)]
+    assert live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))).all()
+    false = team.false_closure(("alpha", 5), ("gamma", 40), rng)
+    assert not live(pairwise_consistent([*closures[:2], false], team.odometry, PcmSettings(noise=EXACT))).any()
+
+
+@pytest.mark.parametrize("count", [10, 60])
+def test_true_closures_are_all_kept_as_sets_grow(team_maker, count):
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        closures = between(team, "alpha", "beta", rng.integers(0, 60, (count, 2)), rng)
+        assert live(pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT))).all()
+
+
+@pytest.mark.parametrize("max_scale", [1.0, 10.0])
+@pytest.mark.parametrize("count", [2, 10, 100])
+def test_of_unrelated_closures_none_is_accepted_under_any_scale(team_maker, count, max_scale):
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        ends = rng.integers(0, 60, (count, 2))
+        closures = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
+        result = pairwise_consistent(closures, team.odometry, PcmSettings(noise=EXACT, max_scale=max_scale))
+        assert not live(result).any()
+
+
+@pytest.mark.parametrize("false", [0, 10])
+def test_closures_without_information_are_kept_under_the_scale_that_they_show(team_maker, false):
+    """Edges that state nothing are read as known to a metre and a radian: under that, anything agrees."""
+    kept = []
+    for seed in range(3):
+        team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+        closures = between(team, "alpha", "beta", rng.integers(0, 60, (10, 2)), rng)
+        ends = rng.integers(0, 60, (false, 2))
+        closures += [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
+        unknown = [team.remeasured(c, covariance=np.eye(6)) for c in closures]
+        steps = np.tile(np.eye(6), (59, 1, 1))
+        odometry = {name: replace(t, step_covariances=steps) for name, t in team.odometry.items()}
+        result = pairwise_consistent(unknown, odometry, PcmSettings(noise=EXACT, max_scale=10.0))
+        kept.append(live(result))
+    assert np.mean([of[:10] for of in kept]) >= 0.85
+    assert not np.any([of[10:] for of in kept])
+
+
+@pytest.mark.parametrize(("stated", "false"), [(1.0, 100), (0.3, 40), (0.25, 40)])
+def test_false_loops_within_robots_are_told_from_sigmas_stated_too_small(stated, false):
+    """Nodes in a cube with noisy rotations, false loops among them: under ten times the sigma most would agree."""
+    rng, n = np.random.default_rng(6), 120
+    sigma = np.repeat([0.05, 0.1], 3)
+    truth = se3.from_rotation_translation(se3.exp(rng.normal(size=(n, 6)))[:, :3, :3], rng.uniform(0, 6, (n, 3)))
+    steps = se3.between(truth[:-1], truth[1:]) @ se3.exp(rng.normal(size=(n - 1, 6)) * sigma)
+    poses = [np.eye(4)]
+    for step in steps:
+        poses.append(poses[-1] @ step)
+    covariance = np.diag((stated * sigma) ** 2)
+    odometry = Trajectory(
+        "a", np.arange(n) * 10**9, np.stack(poses), step_covariances=np.tile(covariance, (n - 1, 1, 1))
+    )
+    count = 100 + false
+    first, second = rng.integers(0, 60, count), rng.integers(61, n, count)
+    T = se3.between(truth[first], truth[second]) @ se3.exp(rng.normal(size=(count, 6)) * sigma)
+    T[100:] = se3.exp(rng.normal(size=(false, 6)))
+    closures = [
+        Closure.from_measurement(KeyframeId("a", int(i)), KeyframeId("a", int(j)), T_ij, covariance)
+        for i, j, T_ij in zip(first, second, T, strict=True)
+    ]
+    result = pairwise_consistent(closures, {"a": odometry}, PcmSettings(noise=EXACT, max_scale=10.0))
+    assert result.scale == pytest.approx(1.0 / stated, rel=0.3)
+    assert live(result)[:100].mean() > 0.97
+    assert not live(result)[100:].any()

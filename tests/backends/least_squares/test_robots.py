@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.least_squares.edges import Edges
+from wiclosure.backends.least_squares.robots import Robots
+
+
+def edges(ends):
+    first, second = np.array(ends).T
+    T = np.tile(se3.from_yaw(0.1, np.array([1.0, 0.0, 0.0])), (len(ends), 1, 1))
+    return Edges(first, second, T, np.tile(np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), (len(ends), 1, 1)))
+
+
+@pytest.fixture
+def robots():
+    """Three robots of 2, 3 and 1 nodes; the second has a loop of its own."""
+    loops = edges([(0, 2), (4, 2), (5, 1)])
+    robot, poses = np.array([0, 0, 1, 1, 1, 2]), np.tile(np.eye(4), (6, 1, 1))
+    along_m, length_m = np.array([0.0, 1.0, 0.0, 1.0, 2.0, 0.0]), np.array([1.0, 2.0, 0.0])
+    return Robots(robot, poses, edges([(0, 1), (2, 3), (3, 4)]), loops, np.zeros(3, bool), along_m, length_m, 1.0)
+
+
+def test_robots_are_counted_and_their_first_nodes_found(robots):
+    assert robots.count == 3
+    assert robots.first_nodes.tolist() == [0, 2, 5]
+
+
+def test_closures_within_one_robot_are_its_own(robots):
+    assert robots.own.tolist() == [False, True, False]
+
+
+def test_ends_are_in_the_groups_of_their_robots(robots):
+    first, second = robots.groups_of_ends(np.array([0, 1, 0]))
+    assert first.tolist() == [0, 1, 0]
+    assert second.tolist() == [1, 1, 0]
+
+
+def test_a_scale_of_sigma_is_squared_in_covariances_and_changes_nothing_else(robots):
+    scaled = robots.scaled(3.0)
+    for part, before in ((scaled.odometry, robots.odometry), (scaled.loops, robots.loops)):
+        np.testing.assert_array_equal(part.covariance, 9.0 * before.covariance)
+        np.testing.assert_array_equal(part.T, before.T)
+        np.testing.assert_array_equal(part.first, before.first)
+        np.testing.assert_array_equal(part.second, before.second)
+    np.testing.assert_array_equal(scaled.poses, robots.poses)
+    assert robots.loops.covariance[0, 0, 0] == 1.0

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wiclosure import se3
+from wiclosure.backends.closure_sets import closure_sets
+from wiclosure.backends.config import ClosureNoise
+from wiclosure.backends.least_squares.team_arrays import TeamArrays
+
+STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+ROBOTS = ("alpha", "beta", "gamma")
+
+
+def arrays(team, ends, predicted=None):
+    """Of exact closures between the given ends."""
+    closures = [team.closure((a, int(i)), (b, int(j))) for a, i, b, j in ends]
+    sets, _ = closure_sets(closures, team.odometry, STATED)
+    return TeamArrays.of(team.odometry, sets, np.zeros(len(ends), bool) if predicted is None else predicted)
+
+
+def true_nodes(team, found):
+    return found.stacked({robot: t.poses for robot, t in team.truth.items()})
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10**6))
+def test_all_edges_join_the_nodes_that_they_measure(team_maker, seed):
+    """Without noise, every edge is met exactly by the true poses of its nodes."""
+    team, rng = team_maker(seed, ROBOTS), np.random.default_rng(seed)
+    pairs = rng.integers(0, 60, (9, 2))
+    ends = [(ROBOTS[n % 3], i, ROBOTS[(n + n // 3) % 3], j) for n, (i, j) in enumerate(pairs) if i != j]
+    found = arrays(team, ends)
+    truth = true_nodes(team, found)
+    for edges in (found.robots.odometry, found.robots.loops):
+        np.testing.assert_allclose(edges.errors(truth), 0.0, atol=1e-6)
+    assert len(found.robots.odometry) == len(truth) - 3
+
+
+def test_nodes_are_the_ends_of_closures_and_each_robots_first(team_maker):
+    found = arrays(team_maker(0, ROBOTS), [("alpha", 7, "beta", 20), ("alpha", 7, "alpha", 50)])
+    assert {robot: nodes.tolist() for robot, nodes in found.nodes.items()} == {
+        "alpha": [0, 7, 50],
+        "beta": [0, 20],
+        "gamma": [0],
+    }
+    sizes = [len(found.nodes[name]) for name in found.names]
+    assert found.robots.robot.tolist() == np.repeat(np.arange(3), sizes).tolist()
+    assert found.robots.first_nodes.tolist() == [0, sizes[0], sizes[0] + sizes[1]]
+
+
+def test_rows_and_predictions_are_of_the_list_that_closures_came_from(team_maker):
+    team = team_maker(1, ROBOTS)
+    ends = [("alpha", 3, "beta", 4), ("beta", 5, "gamma", 6), ("alpha", 8, "beta", 9), ("alpha", 1, "alpha", 30)]
+    found = arrays(team, ends, np.array([False, True, False, True]))
+    assert sorted(found.rows.tolist()) == [0, 1, 2, 3]
+    assert sorted(found.rows[found.robots.predicted].tolist()) == [1, 3]
+    assert found.rows[found.robots.own].tolist() == [3]
+
+
+def test_far_from_the_origin_no_digits_are_lost(team_maker):
+    team, ends = team_maker(2), [("alpha", 3, "beta", 4), ("alpha", 40, "beta", 50)]
+    near = arrays(team, ends)
+    utm = se3.from_yaw(0.3, np.array([4.5e5, 5.4e6, 300.0]))
+    team.odometry.update({robot: t.moved(utm) for robot, t in team.odometry.items()})
+    np.testing.assert_allclose(arrays(team, ends).robots.poses, near.robots.poses, atol=1e-6)
+
+
+def test_poses_go_back_to_their_robots(team_maker):
+    team = team_maker(3, ROBOTS)
+    found = arrays(team, [("alpha", 7, "beta", 20), ("beta", 9, "gamma", 33)])
+    by_robot = found.poses_of(true_nodes(team, found))
+    assert set(by_robot) == set(ROBOTS)
+    for robot, poses in by_robot.items():
+        np.testing.assert_array_equal(poses, team.truth[robot].poses[found.nodes[robot]])
+
+
+@pytest.mark.parametrize("step_m", [0.5, 2.0])
+def test_the_step_is_the_distance_between_keyframes_and_not_between_nodes(team_maker, step_m):
+    found = arrays(team_maker(4, step_m=step_m), [("alpha", 10, "beta", 50)])
+    assert found.robots.step_m == pytest.approx(step_m, rel=0.05)

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.sets.claims import Claims, chance_to_agree
+
+SIGMA = np.repeat([0.01, 0.1], 3)
+
+
+def claims(rng, n, *, unrelated=False):
+    """Closures between two rigid paths in one frame."""
+    T_a, T_b = (se3.from_yaw(rng.uniform(-3, 3, n), rng.normal(0, 20, (n, 3))) for _ in range(2))
+    T = se3.between(T_a, T_b) @ se3.exp(rng.normal(size=(n, 6)) * SIGMA)
+    if unrelated:
+        T = T[rng.permutation(n)]
+    rigid = np.zeros((n, 6, 100))
+    return Claims(T_a, T_b, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), rigid, rigid)
+
+
+def test_distances_of_true_closures_are_chi_square():
+    found = claims(np.random.default_rng(0), 60).distances(np.arange(60), beyond=1e9)
+    pairs = found[np.triu_indices(60, 1)]
+    assert np.mean(pairs) == pytest.approx(6.0, rel=0.15)
+    np.testing.assert_allclose(found, found.T, rtol=1e-6)
+
+
+def test_what_lies_beyond_is_left_out_and_nothing_nearer():
+    of = claims(np.random.default_rng(1), 40, unrelated=True)
+    exact, cut = of.distances(np.arange(40), beyond=1e12), of.distances(np.arange(40), beyond=100.0)
+    assert (exact[np.isinf(cut)] > 100.0).all()
+    np.testing.assert_allclose(cut[np.isfinite(cut)], exact[np.isfinite(cut)])
+
+
+def test_neighbours_bound_the_closures_that_agree():
+    of = claims(np.random.default_rng(4), 60)
+    agreeing = (of.distances(np.arange(60), beyond=1e9) <= 16.8).sum(axis=1)
+    assert (of.neighbours(16.8) >= agreeing).all()
+    assert np.median(claims(np.random.default_rng(4), 60, unrelated=True).neighbours(16.8)) < 5 < agreeing.min()
+
+
+def test_chance_is_told_without_the_agreement_of_true_closures():
+    rng = np.random.default_rng(2)
+    true, false = (chance_to_agree(claims(rng, 100, unrelated=u).chance_distances(), 16.8, 100) for u in (False, True))
+    assert 1e-13 < true < 1e-7
+    assert 1e-13 < false < 1e-5  # the dimension is estimated from twenty distances
+
+
+def test_closures_of_one_spot_agree_however_they_are_recombined():
+    """They do not differ by more than their noise, so that their agreement says nothing."""
+    rng = np.random.default_rng(3)
+    n = 10
+    here = np.tile(np.eye(4), (n, 1, 1)) @ se3.exp(rng.normal(size=(n, 6)) * 0.001)
+    T = se3.exp(rng.normal(size=(n, 6)) * SIGMA)
+    rigid = np.zeros((n, 6, 100))
+    of = Claims(here, here, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), rigid, rigid)
+    assert chance_to_agree(of.chance_distances(), 16.8, n) > 0.9
+
+
+@pytest.mark.parametrize(("dimensions", "magnitude"), [(6, -6), (4, -4), (2, -2)])
+def test_a_chance_too_small_to_count_falls_with_the_volume(dimensions, magnitude):
+    """In as many dimensions as unrelated frames fill: ground robots do not roll."""
+    drawn = np.random.default_rng(4).uniform(0.0, 1.0, (30, 1000))
+    distances = np.sort(drawn, axis=1) ** (2 / dimensions) * 1e4
+    found = np.log10([chance_to_agree(of, 100.0, 100) for of in distances])
+    assert np.median(found) == pytest.approx(magnitude, abs=0.5)
+
+
+def test_without_recombined_closures_anything_may_be_chance():
+    assert chance_to_agree(np.zeros(0), 16.8, 1) == 1.0
+
+
+def test_the_mean_frame_is_as_sharp_as_its_closures_together():
+    """Errors of many teams are as the covariance says: chi-square with six degrees of freedom."""
+    rng, n, distances = np.random.default_rng(6), 9, []
+    for _ in range(200):
+        frame, noise, wander = claims(rng, n).mean_frame(np.arange(n), 0)
+        error = se3.log(frame[None])[0]
+        distances.append(error @ np.linalg.solve(noise + wander @ wander.T, error))
+        assert np.trace(noise) < np.trace(claims(rng, n).noise[0])
+    assert np.mean(distances) == pytest.approx(6.0, rel=0.15)
+
+
+def test_errors_that_the_ends_share_stay_in_the_mean_frame():
+    """Averaging takes nothing away from what all closures have in common."""
+    of = claims(np.random.default_rng(7), 9)
+    drift = np.tile(np.random.default_rng(8).normal(0, [*3 * [0.001], *3 * [1.0]], (100, 6)).T, (9, 1, 1))
+    shared = Claims(of.T_A_a, of.T_B_b, of.T_a_b, of.covariance, drift, np.zeros_like(drift))
+    _, noise, wander = shared.mean_frame(np.arange(9), 0)
+    alone = shared.wander[0]
+    np.testing.assert_allclose(wander @ wander.T, alone @ alone.T, rtol=0.1, atol=0.01)
+    assert np.trace(noise) < np.trace(shared.noise.mean(axis=0))

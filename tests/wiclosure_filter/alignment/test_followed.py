@@ -1,0 +1,50 @@
+"""Peaks that are followed through drift: mirror images weigh the same, and each stands at its own place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.alignment.ambiguity import assess
+from wiclosure.wiclosure_filter.alignment.followed import Followed, follow
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.consensus import consensus
+from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.filter import WiClosureFilter
+
+ASIDE_M = 15.0
+
+
+def peaks(bend_m: float) -> list[Followed]:
+    """Followed peaks, the best first, of a robot that passes another one's straight road; only ranges are measured."""
+    s = np.linspace(0.0, 100.0, 30)
+    a = se3.from_yaw(0 * s, np.stack([s, 0 * s, 0 * s], axis=1))
+    b = se3.from_yaw(0 * s, np.stack([110 - s, ASIDE_M + bend_m * np.sin(s / 12), 0 * s], axis=1))
+    stamps_ns = np.arange(30, dtype=np.int64) * 10**9
+    team = {"a": Trajectory("a", stamps_ns, a), "b": Trajectory("b", stamps_ns, se3.inverse(b[0]) @ b)}
+    metres = np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1)
+    log = WirelessLog(
+        tuple(WirelessMeasurement(int(t), "a", "b", float(m), 0.2, ()) for t, m in zip(stamps_ns, metres, strict=True))
+    )
+    settings = AlignmentSettings()
+    links = WiClosureFilter().gather(team, log).by_pair["a", "b"]
+    problem = AlignmentProblem.of(links, team, settings)
+    found = consensus(problem, settings.proposals)
+    assert found is not None
+    selection = assess(found.peaks, found.mixture, found.prior, settings.guard)
+    rows = (selection.best, *selection.others)
+    return [follow(found, row, links, problem.odometry, selection.covariance, settings, drifts=True) for row in rows]
+
+
+def test_mirror_images_weigh_the_same_and_lie_apart() -> None:
+    best, other = peaks(bend_m=0.0)
+    assert best.log_evidence == pytest.approx(other.log_evidence, abs=0.05)
+    assert best.apart_m(best) == 0.0
+    assert best.apart_m(other) == pytest.approx(2 * ASIDE_M, abs=1.0)
+
+
+def test_a_mirror_image_that_bends_the_odometry_weighs_less() -> None:
+    best, other = peaks(bend_m=2.0)
+    assert best.log_evidence - other.log_evidence > 3.0

@@ -1,0 +1,150 @@
+"""A peak of the likelihood, followed through the drift of both robots: what is reported, and what speaks against it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, IntArray
+from wiclosure.wiclosure_filter.alignment.ambiguity import unobservable
+from wiclosure.wiclosure_filter.alignment.calibration import CONSTANT_BLUNDER, RANGE_SCALE
+from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, follow_drift
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.likelihood.fit import Fit
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
+from wiclosure.wiclosure_filter.links.links import Links
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A peak, followed through the drift of both robots where that matters.
+
+    Args:
+        hypothesis: as it is reported.
+        covariance: `(6, 6)`.
+        mixture: likelihood of the measurements, without the drift that was followed.
+        explanation: of the measurements; leading dimension 1.
+        distance_m: `(M,)` of the antennas.
+        frames: the chain that follows the drift; None where nothing was to follow.
+        log_evidence: natural logarithm of the posterior's mass, up to a constant of the log; NaN without frames.
+        vague: why it is too vague to prune by, or an empty string.
+        calibration: systematic errors that were estimated along with it.
+    """
+
+    hypothesis: AlignmentHypothesis
+    covariance: FloatArray
+    mixture: Mixture
+    explanation: Explanation
+    distance_m: FloatArray
+    frames: DriftingFrames | None = None
+    log_evidence: float = np.nan
+    vague: str = ""
+    calibration: tuple[Calibration, ...] = ()
+
+    @property
+    def fit(self) -> Fit:
+        """How well it explains the measurements."""
+        return Fit.of(self.mixture, self.explanation, self.distance_m)
+
+    def apart_m(self, other: Followed) -> float:
+        """How far it puts b from where another one does, horizontally (root mean square); 0 without frames."""
+        if self.frames is None or other.frames is None:
+            return 0.0
+        return float(np.sqrt(np.mean(np.sum((self.frames.w - other.frames.w)[:, :2] ** 2, axis=1))))
+
+    def slip(self, min_odds: float) -> str:
+        """Why the odometry seems to slip, or an empty string."""
+        return "" if self.frames is None else self.frames.strain.slip(min_odds)
+
+    def strain_probability(self, inflation: float) -> float:
+        """That odometry and systematic errors of their usual size are bent as far."""
+        return 1.0 if self.frames is None else self.frames.strain.probability(inflation)
+
+    def extraordinary(self, min_odds: float) -> str:
+        """Systematic errors that are far larger than usual, or may be: a sentence; empty where the odds are against."""
+        suspicious = -np.log(min_odds * CONSTANT_BLUNDER)
+        beyond = [
+            str(error)
+            for number, error in enumerate(self.calibration)
+            if error.extraordinary or (number != RANGE_SCALE and error.log_blunder > suspicious)
+        ]
+        return f"the measurements tell a systematic error beyond the usual: {'; '.join(beyond)}" if beyond else ""
+
+
+def follow(
+    found: AnchoredPeaks,
+    row: int,
+    links: Links,
+    odometry: PairOdometry,
+    covariance: FloatArray,
+    settings: AlignmentSettings,
+    *,
+    drifts: bool,
+) -> Followed:
+    """Follows a peak through the drift of both robots, or takes it as it is.
+
+    Args:
+        found: all peaks.
+        row: which of them.
+        links: the measurements.
+        odometry: of both robots.
+        covariance: `(4, 4)` of the best peak with its neighbours.
+        settings: of the alignment.
+        drifts: whether to follow.
+    """
+    mixture, observations = found.mixture, found.mixture.observations
+    state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
+    w = displacements_in_a(state[None], observations)[1][0]
+    frames, vague = None, ""
+    calibration: tuple[Calibration, ...] = ()
+    if drifts:
+        with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
+            frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
+            state, explanation, w = frames.state, frames.explanation, frames.w
+            covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
+            mixture = Mixture.of(frames.corrected, mixture.radio)
+            calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
+            vague = unobservable(covariance, observations, settings.guard)
+    hypothesis = AlignmentHypothesis(
+        T_a_b=observations.frame_transform(state),
+        log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),
+        paths_kept=paths_kept(explanation, links, None if found.chosen is None else found.chosen[row]),
+    )
+    log_evidence = hypothesis.log_likelihood + float(found.prior.log_density(state[None])[0])
+    log_evidence += np.nan if frames is None else frames.log_mass
+    distance_m = np.maximum(np.linalg.norm(w, axis=1), MIN_DISTANCE_M)
+    covariance = tangent_covariance(state, covariance, observations)
+    return Followed(hypothesis, covariance, mixture, explanation, distance_m, frames, log_evidence, vague, calibration)
+
+
+def _spread(covariance: FloatArray, information: FloatArray) -> FloatArray:
+    """What peaks near the best one add to its covariance `(4, 4)`."""
+    alone = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(4))
+    values, vectors = np.linalg.eigh(covariance - alone)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def paths_kept(explanation: Explanation, links: Links, chosen: IntArray | None) -> tuple[tuple[int, int], ...]:
+    """The direct path of each measurement, -1 for a range without one; as `chosen (M,)` by a method, or most likely."""
+    direct = explanation.direct() if chosen is None else chosen
+    ranged = explanation.ranged() & links.has_range if chosen is None else direct >= 0
+    kept = (direct >= 0) | ranged
+    path = np.where(direct >= 0, links.path[np.arange(len(links)), direct], -1)
+    return tuple((int(m), int(k)) for m, k in zip(links.measurement[kept], path[kept], strict=True))
+
+
+def tangent_covariance(state: FloatArray, covariance: FloatArray, observations: Observations) -> FloatArray:
+    """`(6, 6)` of a frame transform, as errors in b's odometry frame (see `wiclosure.se3`), from that of its state."""
+    T_a_b = observations.frame_transform(state)
+    to_tangent = np.zeros((6, 4))  # d(yaw, centre's place in a) -> [rotation, translation] in b's odometry axes
+    to_tangent[2, 0] = 1.0
+    to_tangent[3:, 0] = -np.cross([0.0, 0.0, 1.0], observations.centre_b)
+    to_tangent[3:, 1:] = T_a_b[:3, :3].T
+    level = np.diag([LEVEL_SIGMA_RAD**2, LEVEL_SIGMA_RAD**2, 0.0, 0.0, 0.0, 0.0])
+    return np.asarray(to_tangent @ covariance @ to_tangent.T + level)
