@@ -18,9 +18,8 @@ from wiclosure.wiclosure_filter.shared.square_root import Recent, SquareRoot
 
 # Robots whose rows are kept: those that meet one robot also meet the next, where robots are numbered as they lie.
 MOST_KEPT = 32
-MOST_BYTES = (
-    1 << 28
-)  # of what systematic errors add to robots: costs more to compute than the rows, and takes less room
+# Of what systematic errors add to robots: takes longer to compute than the rows, and is asked for three times.
+MOST_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,24 +104,9 @@ def _linear(
     weight = 1 / np.maximum(2 * ranges / typical, 0.1)
     solution = np.linalg.lstsq(np.hstack(columns) * weight[:, None], goal * weight, rcond=1e-9)[0]
     found = scale if scale is not None else float(np.sqrt(max(solution[4], 1e-12))) / typical
-    fits = []
-    for translation in _translations(solution):
-        rms = _trimmed_rms(np.linalg.norm(d - translation, axis=1) - found * ranges)
-        relative = rms / (found * typical if scale is None else 1.0)
-        fits.append((relative, np.concatenate([[yaw], translation, [np.log(found)]])))
-    return min(fits, key=lambda fit: fit[0])
-
-
-def _translations(solution: FloatArray) -> list[FloatArray]:
-    """`t`, and `t` with the height that `|t|^2` leaves, up and down.
-
-    Paths on flat ground do not tell height by `d`: there `t` has none, where the residuals are level in height, and a
-    descent would stay.
-    """
-    translation = solution[:3]
-    square = solution[3] - translation[0] ** 2 - translation[1] ** 2
-    heights = [np.sqrt(square), -np.sqrt(square)] if square > 0 else []
-    return [translation, *(np.array([translation[0], translation[1], height]) for height in heights)]
+    rms = _trimmed_rms(np.linalg.norm(d - solution[:3], axis=1) - found * ranges)
+    relative = rms / (found * typical if scale is None else 1.0)
+    return relative, np.concatenate([[yaw], solution[:3], [np.log(found)]])
 
 
 def _refined(a: FloatArray, b: FloatArray, ranges: FloatArray, start: FloatArray, scale: float | None) -> RangeFit:
