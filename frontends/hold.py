@@ -24,7 +24,7 @@ from wiclosure.interfaces import Hold
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 _DOUBTFUL = 0.8  # of the usual share: it costs a search, no more
-_LOST = 0.5  # of the usual share, after the search: nothing holds the step
+_LOST = 2 / 3  # of the usual share, after the search: nothing holds the step
 _BETTER = 0.05  # of the points, by which another pose must fit better to be taken: chance moves some hundredths
 _RECENT = 20  # scans that tell what is usual
 _POINTS = 1000  # that are looked at
@@ -131,19 +131,26 @@ class HoldingRegistration:
         self.hold = Hold.HELD
         if self._last:
             share = self._share(points, pose)
-            usual = float(np.median(self._shares)) if self._shares else share
-            if share < _DOUBTFUL * usual:
+            if not self._shares or share < _DOUBTFUL * float(np.median(self._shares)):
                 sigma_m = _KERNEL_VOXELS * self._voxel_m
-                starts = self._searched(initial_guess)
-                poses = [*starts, *(aligned(start, sigma_m, 3.0 * sigma_m) for start in starts)]
+                found = self._searched(initial_guess)
+                starts = [initial_guess, pose, *found]
+                poses = [*found, *(aligned(start, sigma_m, 3.0 * sigma_m) for start in starts)]
                 shares = [self._share(points, other) for other in poses]
                 if max(shares) >= share + _BETTER:
-                    pose, share, self.hold = poses[int(np.argmax(shares))], max(shares), Hold.FOUND_AGAIN
-                if share < _LOST * usual:
+                    before, pose, share = pose, poses[int(np.argmax(shares))], max(shares)
+                    lost = self._shares and self._apart_m(points, before, pose) > self._voxel_m
+                    self.hold = Hold.FOUND_AGAIN if lost else Hold.HELD
+                if self._shares and share < _LOST * float(np.median(self._shares)):
                     self.hold = Hold.LOST
             self._shares.append(share)
         self._last.append(_Followed.of(pose, self._thinned(), self._voxel_m))
         return pose
+
+    @staticmethod
+    def _apart_m(points: FloatArray, pose: FloatArray, other: FloatArray) -> float:
+        """By how far two poses put the points apart, in the median."""
+        return float(np.median(np.linalg.norm(se3.transform(pose, points) - se3.transform(other, points), axis=1)))
 
     def _share(self, points: FloatArray, pose: FloatArray) -> float:
         some = se3.transform(pose, points[:: max(1, len(points) // _POINTS)])

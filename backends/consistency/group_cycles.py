@@ -38,6 +38,12 @@ class _Frames:
         """One for each set."""
         return cls(*(np.stack([getattr(c, name) for c in candidates]) for name in ("frame", "noise", "wander")))
 
+    @classmethod
+    def of_medoids(cls, candidates: Sequence[CandidateSet]) -> _Frames:
+        """By one closure of each set: less sharp."""
+        of = [(c.comparison.claims, c.closure_set.medoid) for c in candidates]
+        return cls(*(np.stack([getattr(z, name)[n] for z, n in of]) for name in ("frames", "noise", "wander")))
+
     def __getitem__(self, rows: IntArray) -> _Frames:
         return _Frames(self.T[rows], self.noise[rows], self.wander[rows])
 
@@ -66,7 +72,8 @@ def settle_cycles(candidates: Sequence[CandidateSet], places: Places, limit: flo
     closed = _distances(frames, cycles) <= limit
     objected = np.array([bool(c.objection) for c in candidates])
     doubtful = closed & objected[cycles].any(axis=1)  # elsewhere nothing is at stake
-    told = ~doubtful
+    # Large sets are known so well that what linearisation neglects would open their cycles: half closed tells nothing.
+    told = (closed | (_distances(_Frames.of_medoids(candidates), cycles) > limit)) & ~doubtful
     told[doubtful] = _chances(candidates, frames, cycles[doubtful], places, limit) <= EXPECTED_BY_CHANCE / len(cycles)
     weights, sizes = (np.array(numbers) for numbers in zip(*((c.weight, len(c)) for c in candidates), strict=True))
     votes = _Votes(cycles[told], closed[told], weights, sizes, objected)

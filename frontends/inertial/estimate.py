@@ -18,7 +18,7 @@ from wiclosure.frontends.slips import Slips, turned_otherwise
 from wiclosure.types import BoolArray, FloatArray, ImuLog, Trajectory, UpDirections
 
 FEWEST_WINDOWS = 3
-LEAST_GOOD = 0.5  # of the windows, whose length is that of gravity
+LEAST_GOOD = 2 / 3  # of the windows, whose length is that of gravity
 MOST_REPEATED = 0.5  # of the samples
 LOOSEST_RAD = np.radians(10.0)  # directions that are less sure tell nothing that the drift model does not
 OPPOSITE = 0.7  # of the scatter, that other axes must leave to be the right ones

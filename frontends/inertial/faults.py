@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import binom
 
 from wiclosure.frontends.inertial.axes import left_handed
 from wiclosure.frontends.inertial.gravity import STANDARD_GRAVITY
@@ -10,8 +11,8 @@ from wiclosure.frontends.inertial.turning import CORRELATED, TurningRates, clock
 from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
 STUCK_S = 0.5  # of one and the same sample: noise changes the last digit of every real one
-SATURATED_MPS2 = 1.8 * STANDARD_GRAVITY  # the narrowest range of an accelerometer is 2 g
-SATURATED_TIMES = 5
+VALUES_BELOW = 10  # the extreme one, that it is compared with
+BY_CHANCE = 1e-6  # so rarely, an extreme value repeats as often
 UNIT_SHARE = 0.25  # off a unit's value, within which it is that unit
 LATE_S = 0.05  # clocks that differ by less tilt nothing: a window is a hundred times as long
 BETTER_EXPLAINED = 0.5  # of the variance that stays unexplained, where another offset is the right one
@@ -34,13 +35,20 @@ def _repeats(stamps_ns: IntArray, values: FloatArray) -> BoolArray:
 
 
 def saturated(imu: ImuLog) -> BoolArray:
-    """Samples `(N,)` at the end of the accelerometer's range: more lie there than in the tenth below it."""
-    size = np.abs(imu.acceleration)
-    extreme = size.max(axis=0)
-    at_end = size >= 0.999 * extreme
-    below = (size >= 0.9 * extreme) & ~at_end
-    piled = (at_end.sum(axis=0) >= SATURATED_TIMES) & (at_end.sum(axis=0) > below.sum(axis=0))
-    return np.asarray((at_end & piled & (extreme >= SATURATED_MPS2)).any(axis=1))
+    """Samples `(N,)` at the end of an axis's range, wherever it lies: a plateau of one and the same extreme value.
+
+    Values thin out towards their extreme, so of the extreme and the ten values below it, it has its share of samples at
+    most.  Far more than chance gives it are clipped there.
+    """
+    clipped = np.zeros(len(imu), bool)
+    for signed in (*imu.acceleration.T, *-imu.acceleration.T):
+        values, count = np.unique(signed, return_counts=True)
+        if len(values) < 2 * VALUES_BELOW or np.median(signed) > values[-VALUES_BELOW - 1]:
+            continue  # too few values for any shape
+        together = int(count[-VALUES_BELOW - 1 :].sum())
+        if binom.sf(count[-1] - 1, together, 1.0 / (VALUES_BELOW + 1)) < BY_CHANCE:
+            clipped |= np.abs(signed) == abs(values[-1])  # ranges are the same to both sides
+    return clipped
 
 
 def wrong_unit(imu: ImuLog) -> str:
@@ -74,6 +82,8 @@ def wrong_rates(imu: ImuLog, odometry: Trajectory, rates: TurningRates) -> str:
     """Turning rates against those of the odometry: clock, unit, or another body altogether."""
     if not rates.tells:
         return ""
+    if not np.ptp(imu.turning_rate, axis=0).any():
+        return "its turning rates never change, so nothing tells whether its clock and axes are right"
     offset_s, best = clock_offset_s(imu, odometry)
     explains = 1.0 - best**2 < BETTER_EXPLAINED * (1.0 - rates.correlation**2)
     if abs(offset_s) > LATE_S and best > CORRELATED and explains:

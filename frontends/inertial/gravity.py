@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
+from scipy.stats import f
 
 from wiclosure.frontends.inertial.windows import Windows
 from wiclosure.types import BoolArray, FloatArray, Trajectory, UpDirections
@@ -19,6 +20,7 @@ LEVER_SIGMA_M = 0.5  # of an IMU whose place is not told
 KNOWN_LEVER_SIGMA_M = 0.02
 LENGTH_SIGMAS = 4.0  # beyond, a window's length is not that of gravity
 ASIDE_SIGMAS = 8.0  # beyond, it points elsewhere than all others: an accelerometer that stuck, or was pushed
+BY_CHANCE = 0.01  # so rarely, sound windows count as scattering too far
 ROUNDS = 5  # of reweighting
 CAUCHY_WIDTH = 2.3849  # 95 % efficiency on Gaussian errors
 MAD_TO_SIGMA = 1.4826
@@ -36,6 +38,8 @@ class GravityFit:
         bias: `(3,)` of the accelerometer in the body's axes, m/s^2.
         bias_covariance: `(3, 3)`.
         good: `(W,)` whose length is that of gravity, and whose direction is not far from the others'.
+        excess: Birge's ratio (1932), at least 1: how far the good ones lie from what all have together, against noise;
+            a bias that wanders, or axes of unlike scale, are not in the model, and widen what it says of itself.
     """
 
     windows: Windows
@@ -45,6 +49,7 @@ class GravityFit:
     bias: FloatArray
     bias_covariance: FloatArray
     good: BoolArray
+    excess: float = 1.0
 
     @property
     def length(self) -> float:
@@ -61,12 +66,12 @@ class GravityFit:
         up_body /= np.linalg.norm(up_body, axis=1)[:, None]
         along = np.einsum("wi,ij,wj->w", up_body, self.bias_covariance, up_body)
         across = float(np.mean(np.trace(self.bias_covariance) - along)) / 2.0
-        return float(np.sqrt(self.noise**2 + max(int(self.good.sum()), 1) * across) / STANDARD_GRAVITY)
+        return float(self.excess * np.sqrt(self.noise**2 + max(int(self.good.sum()), 1) * across) / STANDARD_GRAVITY)
 
     @property
     def R_level_odom(self) -> FloatArray:
         """`(3, 3)` the smallest turn after which z of the odometry frame points up, over the whole path."""
-        up = np.mean(self.smoothed[self.good], axis=0)
+        up = np.mean(self.smoothed[self.good] if self.good.any() else self.smoothed, axis=0)
         return level_rotation(up)
 
 
@@ -105,8 +110,19 @@ def fit_gravity(
     vectors = system.vectors(shared)
     spread = np.sqrt(noise**2 + GRAVITY_SPREAD**2 + float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
     long = np.abs(np.linalg.norm(vectors, axis=1) - STANDARD_GRAVITY) <= LENGTH_SIGMAS * spread
-    good = long & (np.linalg.norm(vectors - smoothed, axis=1) <= ASIDE_SIGMAS * spread)
-    return GravityFit(windows, vectors, smoothed, noise, shared[:3], covariance[:3, :3], good)
+    left = vectors - smoothed
+    good = long & (np.linalg.norm(left, axis=1) <= ASIDE_SIGMAS * spread)
+    return GravityFit(
+        windows, vectors, smoothed, noise, shared[:3], covariance[:3, :3], good, _excess(left[good], noise)
+    )
+
+
+def _excess(left: FloatArray, noise: float) -> float:
+    """Of `(W, 3)` from what all have together, where that is more than chance, by an F test."""
+    if len(left) < 2:
+        return 1.0
+    ratio = float(np.mean(left**2)) / noise**2
+    return float(np.sqrt(ratio)) if ratio > f.isf(BY_CHANCE, 3 * len(left), 3 * (len(left) - 1)) else 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,14 @@ def test_after_an_unforeseen_turn_it_is_found_again(turn_deg: float) -> None:
     assert np.degrees(se3.rotation_angle(off).max()) < 1.0
 
 
+@pytest.mark.parametrize("step", [2.0, 4.0, -4.0])
+def test_a_first_step_that_nothing_foretold_is_found(step: float) -> None:
+    poses = se3.from_yaw(np.zeros(4), np.arange(4)[:, None] * [step, 0.3, 0.0] - [step, 0.0, 0.0])
+    _, found = follow(KissOdometry(OdometrySettings(voxel_size_m=0.5)), poses, room())
+    off = se3.between(se3.between(poses[:1], poses), found)
+    assert np.linalg.norm(off[:, :3, 3], axis=1).max() < 0.2
+
+
 def test_a_scan_of_elsewhere_is_lost_and_its_step_counts_as_unknown() -> None:
     run = OdometryRun(OdometrySettings(voxel_size_m=0.5), [KeyframeSettings()], "alpha")
     for k, pose in enumerate(straight(12)):
@@ -84,6 +92,15 @@ def test_a_scan_of_elsewhere_is_lost_and_its_step_counts_as_unknown() -> None:
     (result,) = run.results()
     assert 8 in result.lost
     assert not {*range(8)} & {*result.lost, *result.found_again}
+
+
+@pytest.mark.parametrize("first", [0, 5, 10])
+def test_two_scans_in_three_seconds_are_enough_on_a_recorded_street(kitti_drive, first) -> None:
+    rows = np.arange(first, len(kitti_drive), 15)
+    odometry = KissOdometry()
+    found = np.array([odometry.register(kitti_drive[row])[1] for row in rows[:5]])
+    steps, true = (se3.between(of[:-1], of[1:]) for of in (found, kitti_drive.poses[rows[:5]]))
+    assert np.linalg.norm((steps - true)[:, :3, 3], axis=1).max() < 0.8  # its truth is that good
 
 
 def test_a_recorded_turn_that_kiss_icp_alone_does_not_follow(indoor_loop) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,7 +54,7 @@ def read_imu_topic(path: Path, topic: str, *, salvage: bool = False) -> ImuReadi
 def _samples(messages: list[RawMessage], place: str) -> ImuReading:
     """Numbers are the last of a message, whatever comes before."""
     size = 8 * _NUMBERS
-    whole = [(received_ns, raw) for received_ns, raw in messages if len(raw) > size + 12]
+    whole = _of_one_frame([(received_ns, raw) for received_ns, raw in messages if len(raw) > size + 12], size, place)
     if not whole:
         raise InputError(f"{place}: none of {len(messages)} messages holds a sample; name another topic")
     big = whole[0][1][:4] == b"\x00\x00\x00\x00" and not _is_ros1(whole[0][1])
@@ -65,8 +66,8 @@ def _samples(messages: list[RawMessage], place: str) -> ImuReading:
     good = (np.abs(numbers[:, _RATE]) < FASTEST_RAD_S).all(axis=1)
     good &= (np.abs(numbers[:, _ACCELERATION]) < STRONGEST_M_S2).all(axis=1)
     rows = np.flatnonzero(good).tolist()
-    if bad := len(messages) - len(rows):
-        logger.warning("%s: %d of %d messages hold no numbers and were left out", place, bad, len(messages))
+    if bad := len(whole) - len(rows):
+        logger.warning("%s: %d of %d messages hold no numbers and were left out", place, bad, len(whole))
     if not rows:
         raise InputError(f"{place}: none of {len(messages)} messages holds numbers; name another topic")
     kept = list(mended((Stamped(stamps_ns[row], whole[row][0], row) for row in rows), place))
@@ -74,6 +75,19 @@ def _samples(messages: list[RawMessage], place: str) -> ImuReading:
     values = numbers[chosen].astype(np.float64)
     log = ImuLog(np.array([ns for ns, _ in kept], np.int64), values[:, _ACCELERATION], values[:, _RATE])
     return ImuReading(log, frame_name(_frame_of(whole[0][1], order)))
+
+
+def _of_one_frame(messages: list[RawMessage], size: int, place: str) -> list[RawMessage]:
+    """Those of the frame that most are in: several IMUs may share a topic."""
+    headers = Counter(raw[12:-size] for _, raw in messages)  # the length of the frame's name, and the name
+    if len(headers) < 2:
+        return messages
+    header, count = headers.most_common(1)[0]
+    names = [one[4:].rstrip(b"\x00").decode(errors="replace") or "(none)" for one, _ in headers.most_common()]
+    logger.warning(
+        "%s has samples of the frames %s; only the %d of %s are used", place, ", ".join(names), count, names[0]
+    )
+    return [(received_ns, raw) for received_ns, raw in messages if raw[12:-size] == header]
 
 
 def _is_ros1(raw: bytes) -> bool:

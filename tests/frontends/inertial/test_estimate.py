@@ -39,6 +39,12 @@ FAULTS = {
     "exchanged": (lambda imu, truth: changed(imu, imu.acceleration[:, [1, 0, 2]]), r"\+y, \+x, \+z .* right-handed"),
     "turned": (lambda imu, truth: changed(imu, imu.acceleration[:, [1, 0, 2]] * MIRROR), r"of its turning rates"),
     "upside down": (lambda imu, truth: changed(imu, imu.acceleration * [1, -1, -1]), r"\+x, -y, -z"),
+    "no gyroscope": (lambda imu, truth: changed(imu, rate=0 * imu.turning_rate), "rates never change"),
+    "tenth too long": (lambda imu, truth: changed(imu, 1.1 * imu.acceleration), "10.7. m/s.2 long"),
+    "clipped aside": (
+        lambda imu, truth: changed(imu, np.clip(imu.acceleration, [-50, -0.3, -50], [50, 0.3, 50])),
+        "are needed",
+    ),
     "dead": (lambda imu, truth: changed(imu, imu.acceleration * [1, 0, 1]), "along y never changes"),
     "short": (lambda imu, truth: imu.subset(np.arange(500)), "too few|are needed"),
     "empty": (lambda imu, truth: imu.subset(np.arange(1)), "1 samples"),

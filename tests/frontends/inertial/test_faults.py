@@ -31,12 +31,27 @@ def test_clipped_samples_are_marked():
     values = noisy() + np.random.default_rng(1).normal(0, [0.5, 0.5, 10.0], (1000, 3))
     assert not faults.saturated(log(np.clip(values, -1e3, 1e3))).any()
     clipped = np.clip(values, -19.6, 19.6)
-    assert (faults.saturated(log(clipped)) == (np.abs(clipped[:, 2]) >= 0.999 * 19.6)).all()
+    assert (faults.saturated(log(clipped)) == (np.abs(clipped[:, 2]) == 19.6)).all()
 
 
-def test_quantised_values_at_rest_are_not_clipped():
-    values = np.round(noisy(sigma=0.02), 2)
+@pytest.mark.parametrize(("axis", "low", "high"), [(0, -4.9, 4.9), (1, -9.0, 3.0), (2, 0.0, 11.0)])
+@pytest.mark.parametrize("resolution", [1e-9, 0.01, 0.05])
+def test_a_range_that_ends_early_is_seen_wherever_it_ends(axis, low, high, resolution):
+    values = noisy() + np.random.default_rng(1).normal(0, 3.0, (1000, 3))
+    values = np.round(values / resolution) * resolution
     assert not faults.saturated(log(values)).any()
+    values[:, axis] = np.clip(values[:, axis], low, high)
+    marked = faults.saturated(log(values))
+    assert marked[values[:, axis] == high].all()
+    assert marked.sum() <= np.isin(values[:, axis], [low, high, -low, -high]).sum()
+
+
+@pytest.mark.parametrize("sigma", [0.005, 0.02, 0.1, 1.0, 10.0])
+@pytest.mark.parametrize("digits", [1, 2, 3, 12])
+def test_quantised_values_are_not_clipped(sigma, digits):
+    for seed in range(5):
+        values = np.array([0, 0, 9.81]) + np.random.default_rng(seed).normal(0, sigma, (3000, 3))
+        assert not faults.saturated(log(np.round(values, digits))).any()
 
 
 @pytest.mark.parametrize(

@@ -82,3 +82,12 @@ def test_levelling_turns_up_to_z_by_the_smallest_turn(seed):
 def test_levelling_of_up_and_down():
     np.testing.assert_array_equal(level_rotation(np.array([0, 0, 2.0])), np.eye(3))
     np.testing.assert_allclose(level_rotation(np.array([0, 0, -2.0])) @ [0, 0, -1], [0, 0, 1])
+
+
+def test_what_the_model_does_not_have_widens_what_it_says_of_itself(imu, odometry, keyframes, truth):
+    unlike = type(imu)(imu.stamps_ns, imu.acceleration * [1.0, 1.3, 1.0], imu.turning_rate)
+    sound, spoilt = (fit_gravity(windows_along(log, odometry), odometry, np.eye(3)) for log in (imu, unlike))
+    assert spoilt.excess > 1.2
+    assert sound.excess == 1.0
+    up = up_at_keyframes(spoilt, keyframes)
+    assert np.sqrt(np.mean((up.angles_off(truth.poses[::8, :3, :3]) / up.sigma_rad) ** 2)) < 2.0

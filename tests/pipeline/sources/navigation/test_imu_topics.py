@@ -48,3 +48,16 @@ def test_another_topic_is_named(write_bag, messages):
     path = write_bag(lambda store: {"/imu": (IMU, messages(store))})
     with pytest.raises(InputError, match=r"no messages of .* on /odom; topics that have: /imu"):
         read_imu_topic(path, "/odom")
+
+
+def test_of_two_imus_in_one_topic_the_one_with_more_samples_is_used(write_bag, imu_message, caplog):
+    def both(store):
+        rows = zip(STAMPS_NS.tolist(), RATE.tolist(), ACCELERATION.tolist(), strict=True)
+        frames = ["base_imu" if n % 5 < 2 else "lidar_imu" for n in range(200)]
+        return [(row[0], imu_message(store, *row, frame)) for row, frame in zip(rows, frames, strict=True)]
+
+    with caplog.at_level(logging.WARNING):
+        reading = read_imu_topic(write_bag(lambda store: {"/imu": (IMU, both(store))}), "/imu")
+    assert reading.frame == "lidar_imu"
+    np.testing.assert_array_equal(reading.log.acceleration, ACCELERATION[np.arange(200) % 5 >= 2])
+    assert "frames lidar_imu, base_imu; only the 120 of lidar_imu are used" in caplog.text
