@@ -30,6 +30,7 @@ _RECENT = 20  # scans that tell what is usual
 _POINTS = 1000  # that are looked at
 _TOGETHER = 5  # last scans that a scan must fit: one alone may look elsewhere
 _TURNS = 8  # around the circle that a search starts from: GICP's coarse level reaches from each to the next
+_FASTEST_RPS = np.pi  # rad/s, that robots turn
 _KERNEL_VOXELS = 1 / 3  # of KISS-ICP where the start is good: correspondences within a voxel
 _BITS = 21  # of each axis of a voxel's number
 
@@ -93,6 +94,7 @@ class HoldingRegistration:
         self._last: deque[_Followed] = deque(maxlen=_TOGETHER)
         self._shares: deque[float] = deque(maxlen=_RECENT)
         self.hold = Hold.HELD
+        self.step_s = np.inf  # since the scan before, where known
 
     def state(self) -> State:
         """The last scans, which shares of points fell where they had some, and how it stands with the last of them."""
@@ -131,7 +133,9 @@ class HoldingRegistration:
         self.hold = Hold.HELD
         if self._last:
             share = self._share(points, pose)
-            if not self._shares or share < _DOUBTFUL * float(np.median(self._shares)):
+            # At the first step nothing tells what is usual: it is doubted where a robot may have turned beyond reach.
+            beyond_reach = _FASTEST_RPS * self.step_s > np.pi / _TURNS
+            if share < _DOUBTFUL * float(np.median(self._shares)) if self._shares else beyond_reach:
                 sigma_m = _KERNEL_VOXELS * self._voxel_m
                 found = self._searched(initial_guess)
                 starts = [initial_guess, pose, *found]

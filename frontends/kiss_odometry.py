@@ -55,6 +55,8 @@ class KissOdometry:
             self._kiss = self._start(scan)
         times, stamp_ns = sweep_times(scan, self._settings), int(sweep_stamps_ns(scan, self._settings)[1])
         self._kiss.preprocessor.motion_share = self._motion_share(times)
+        if self._last_stamps_ns:
+            self._kiss.registration.step_s = (stamp_ns - self._last_stamps_ns[-1]) * 1e-9
         points, _ = self._kiss.register_frame(scan.points, times)
         self._last_stamps_ns = (*self._last_stamps_ns[-1:], stamp_ns)
         return stamp_ns, np.array(self._kiss.last_pose), points

@@ -34,11 +34,13 @@ def seen(world: FloatArray, T_world_body: FloatArray, stamp_ns: int, seed: int) 
     return Scan(stamp_ns, se3.transform(se3.inverse(T_world_body), some))
 
 
-def follow(odometry: KissOdometry, poses: FloatArray, world: FloatArray) -> tuple[list[Hold], FloatArray]:
+def follow(
+    odometry: KissOdometry, poses: FloatArray, world: FloatArray, interval_ns: int = 10**8
+) -> tuple[list[Hold], FloatArray]:
     """Holds and poses `T_odom_body` of the scans along a path."""
     holds, found = [], []
     for k, pose in enumerate(poses):
-        found.append(odometry.register(seen(world, pose, k * 10**8, k))[1])
+        found.append(odometry.register(seen(world, pose, k * interval_ns, k))[1])
         holds.append(odometry.hold)
     return holds, np.array(found)
 
@@ -79,7 +81,7 @@ def test_after_an_unforeseen_turn_it_is_found_again(turn_deg: float) -> None:
 @pytest.mark.parametrize("step", [2.0, 4.0, -4.0])
 def test_a_first_step_that_nothing_foretold_is_found(step: float) -> None:
     poses = se3.from_yaw(np.zeros(4), np.arange(4)[:, None] * [step, 0.3, 0.0] - [step, 0.0, 0.0])
-    _, found = follow(KissOdometry(OdometrySettings(voxel_size_m=0.5)), poses, room())
+    _, found = follow(KissOdometry(OdometrySettings(voxel_size_m=0.5)), poses, room(), 10**9)  # a scan a second
     off = se3.between(se3.between(poses[:1], poses), found)
     assert np.linalg.norm(off[:, :3, 3], axis=1).max() < 0.2
 
