@@ -21,6 +21,7 @@ UP = gtsam.Unit3(0.0, 0.0, 1.0)
 FEWEST_FIXES = 3
 HEADING_RAD = np.radians(10.0)  # what the fixes must tell of the world's heading to be its frame
 OUTVOTED = 0.5  # of a weight: below, the estimate speaks against a measurement
+STRANGE = 1 / 3  # of the path's size: fixes that are off by more are not of this path; no odometry drifts so
 ROUNDS = 20  # of reweighting
 
 
@@ -140,6 +141,13 @@ def placed_on_earth(
             f"{names}: the GNSS fixes tell the map's heading to {np.degrees(min(heading_rad, np.pi)):.0f} degrees only,"
             " so it keeps its own frame; drive farther than they err"
         )  # fmt: skip
+    off_m = float(np.median(np.linalg.norm((antennas @ T[:3, :3].T + T[:3, 3] - measured)[:, :2], axis=1)))
+    size_m = float(np.median(np.linalg.norm(antennas[:, :2] - np.median(antennas[:, :2], axis=0), axis=1)))
+    if off_m > max(STRANGE * size_m, float(np.median(sigma))):
+        return None, (
+            f"{names}: the GNSS fixes do not follow the path (half are {off_m:.0f} m off it, wherever it is put), so the"
+            " map keeps its own frame; check the order of latitude and longitude, their signs and units, and the clock"
+        )
     return T, ""
 
 

@@ -19,6 +19,7 @@ from wiclosure.geodesy import enu_of
 from wiclosure.pipeline.config import EarthSettings
 from wiclosure.pipeline.data.inputs import GnssInput, ImuInput, Inputs
 from wiclosure.pipeline.evaluation.metrics import EarthMetrics
+from wiclosure.pipeline.grounding.fixes import credible
 from wiclosure.types import EarthMeasurements, FloatArray, PositionFixes, Trajectory
 
 logger = logging.getLogger(__name__)
@@ -63,14 +64,20 @@ def grounded(fronts: Mapping[str, FrontEndResult], inputs: Inputs, settings: Ear
         if found.up is not None and found.T_level_odom is not None:
             up[robot.robot], level[robot.robot] = found.up, found.T_level_odom
             upright[robot.robot] = front.moved(found.T_level_odom)
-    receivers = {r.robot: r.gnss for r in inputs.robots if r.gnss is not None and settings.gnss}
-    origin = next((receiver.log.geodetic[0] for receiver in receivers.values()), None)
+    receivers = dict[str, GnssInput]()
+    for robot in inputs.robots:
+        if robot.gnss is not None and settings.gnss:
+            receivers[robot.robot], told = credible(robot.gnss, upright[robot.robot].keyframes)
+            sentences += [f"{robot.robot}: {sentence}" for sentence in told]
+    origin = next((receiver.log.geodetic[0] for receiver in receivers.values() if len(receiver.log)), None)
     fixes = {}
     for name, receiver in receivers.items():
-        assert origin is not None
-        fixes[name] = _fixes(receiver, upright[name].keyframes, origin)
-        if not len(fixes[name]):
-            sentences.append(f"{name}: none of its {len(receiver.log)} GNSS fixes lies within the time of its scans")
+        if origin is not None:
+            fixes[name] = _fixes(receiver, upright[name].keyframes, origin)
+        if not len(fixes.get(name, ())):
+            sentences.append(
+                f"{name}: none of its {len(receiver.log)} usable GNSS fixes lies within the time of its scans"
+            )
     return Grounding(
         upright, EarthMeasurements(up, fixes), level, origin, tuple(sentences), time.perf_counter() - began
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -106,3 +107,48 @@ def test_where_odometry_slips_the_imu_goes_on(setting):
     mended = found.fronts["alpha"]
     np.testing.assert_allclose(mended.keyframes.poses, mended.odometry.poses[front.keyframe_indices], atol=1e-9)
     np.testing.assert_allclose(mended.scans.poses, mended.odometry.poses, atol=1e-9)
+
+
+def _estimate(front, inputs, geodetic):
+    """What a changed log of fixes comes to: what is known of the Earth, and the estimate."""
+    robot = inputs.robots[0]
+    log = replace(robot.gnss.log, geodetic=geodetic)
+    changed = replace(inputs, robots=(replace(robot, gnss=replace(robot.gnss, log=log)),))
+    found = grounded({"alpha": front}, changed, EarthSettings(gravity=False))
+    result = optimise({"alpha": found.fronts["alpha"].keyframes}, [], earth=found.earth)
+    return found, result
+
+
+@pytest.mark.parametrize(
+    ("rows", "value", "sentence"),
+    [
+        (slice(0, 3), [0.0, 0.0, 0.0], "3 of .* at 0/0"),
+        (slice(0, 3), [np.nan] * 3, "3 of .* not finite"),
+        (slice(0, 1), [8.4229, 49.0112, 115.0], "1 of .* farther from the others"),
+        (slice(30, 60), [49.0112, 8.4229, 115.0], "29 of .* repeat"),
+    ],
+)
+def test_fixes_that_cannot_be_true_are_left_out(setting, rows, value, sentence):
+    front, inputs, _ = setting
+    geodetic = inputs.robots[0].gnss.log.geodetic.copy()
+    geodetic[rows] = value
+    found, result = _estimate(front, inputs, geodetic)
+    assert any(re.search(sentence, said) for said in found.sentences)
+    assert result.ground.placed == ("alpha",)
+    assert found.origin[0] == pytest.approx(49.0112, abs=0.01)
+
+
+def test_fixes_that_do_not_follow_the_path_leave_the_frame_alone(setting):
+    front, inputs, _ = setting
+    swapped = inputs.robots[0].gnss.log.geodetic[:, [1, 0, 2]]
+    _, result = _estimate(front, inputs, swapped)
+    assert result.ground.placed == ()
+    assert any("do not follow the path" in sentence for sentence in result.ground.diagnosis)
+
+
+def test_a_log_without_one_place_is_said(setting):
+    front, inputs, _ = setting
+    found, result = _estimate(front, inputs, np.zeros_like(inputs.robots[0].gnss.log.geodetic))
+    assert found.origin is None
+    assert any("none of its 0 usable GNSS fixes" in sentence for sentence in found.sentences)
+    assert result.ground.placed == ()
