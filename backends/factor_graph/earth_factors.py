@@ -145,8 +145,8 @@ def placed_on_earth(
     size_m = float(np.median(np.linalg.norm(antennas[:, :2] - np.median(antennas[:, :2], axis=0), axis=1)))
     if off_m > max(STRANGE * size_m, float(np.median(sigma))):
         return None, (
-            f"{names}: the GNSS fixes do not follow the path (half are {off_m:.0f} m off it, wherever it is put), so the"
-            " map keeps its own frame; check the order of latitude and longitude, their signs and units, and the clock"
+            f"{names}: the GNSS fixes do not follow the path (half are {off_m:.0f} m off it, wherever it is put), so"
+            " the map keeps its own frame; check the order of latitude and longitude, their signs and units, and the clock"
         )
     return T, ""
 
