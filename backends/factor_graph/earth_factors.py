@@ -146,7 +146,7 @@ def placed_on_earth(
     if off_m > max(STRANGE * size_m, float(np.median(sigma))):
         return None, (
             f"{names}: the GNSS fixes do not follow the path (half are {off_m:.0f} m off it, wherever it is put), so"
-            " the map keeps its own frame; check the order of latitude and longitude, their signs and units, and the clock"
+            " the map keeps its own frame; check order, signs and units of latitude and longitude, and the clock"
         )
     return T, ""
 
