@@ -23,8 +23,8 @@ def test_each_line_is_one_record_of_the_package(tmp_path: Path) -> None:
     OURS.info("after")
     records = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text(encoding="utf-8").splitlines()]
     assert [(r["level"], r["module"], r["message"]) for r in records] == [
-        ("info", "backends.pcm", "3 closures\nin two lines"),
-        ("warning", "backends.pcm", "räumlich"),
+        ("info", "backends.consistency.pcm", "3 closures\nin two lines"),
+        ("warning", "backends.consistency.pcm", "räumlich"),
     ]
     assert all(datetime.fromisoformat(r["time"]).tzinfo is not None for r in records)
 
