@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from wiclosure.display.names import listed
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.interfaces import ScanSource
@@ -129,7 +130,7 @@ class Dataset:
             if bag_kind(recording.scans):
                 links = {topic: (robot, transmitter) for topic, transmitter in recording.ranges.items()}
                 log = read_wireless_topics(recording.scans, range_topics=links, salvage=salvage)
-                records += self._known(log, recording.scans)
+                records += self._of_team(log, recording.scans)
         self._say_unused(salvage=salvage)
         return self._in_common_time(_each_once(records))
 
@@ -157,6 +158,14 @@ class Dataset:
                 others = [robot for robot in self.robots if robot != owner]
                 for radio in unused_radio(scans, used, salvage=salvage):
                     logger.warning("%s: %s", scans, radio.sentence(others))
+
+    def _of_team(self, log: WirelessLog, path: Path) -> WirelessLog:
+        """What a bag's own topics hold; nothing of a robot that is mapped alone, as no other is there."""
+        others = sorted(log.robots() - set(self.robots))
+        if len(self.robots) > 1 or not others:
+            return self._known(log, path)
+        logger.warning("%s: its radio heard %s, of which no recording is given; it is not used", path, listed(others))
+        return WirelessLog()
 
     def _known(self, log: WirelessLog, path: Path | None) -> WirelessLog:
         for robot in sorted(log.robots() - set(self.robots)):

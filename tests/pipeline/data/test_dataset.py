@@ -295,3 +295,8 @@ def test_an_unknown_robot_in_the_wireless_log(folder: Path) -> None:
     )
     with pytest.raises(InputError, match=r"foreign\.jsonl mentions the robot 'betta'.*alpha, beta.*did you mean beta"):
         dataset.wireless_log()
+
+
+def test_a_robot_mapped_alone_leaves_its_radio_to_others_aside(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert not load_dataset([f"alpha={folder}/alpha.bag"]).wireless_log().measurements
+    assert "its radio heard beta, of which no recording is given; it is not used" in caplog.text
