@@ -12,6 +12,7 @@ import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
@@ -120,10 +121,10 @@ def contiguous_parts(stamps_ns: IntArray, robots: int, overlap: float) -> dict[s
     if count < 2 * robots:
         raise InputError(f"the drive has {count} scans, too few for {robots} robots; take fewer robots")
     length = count / (robots - (robots - 1) * overlap)
+    firsts = [round(number * length * (1 - overlap)) for number in range(robots)]
     parts = {}
-    for number in range(robots):
-        first = round(number * length * (1 - overlap))
-        last = min(max(round(number * length * (1 - overlap) + length), first + 1), count) - 1
+    for number, (first, following) in enumerate(pairwise([*firsts, count])):
+        last = min(max(round(number * length * (1 - overlap) + length), first + 1, following), count) - 1
         name = ROBOT_NAMES[number] if number < len(ROBOT_NAMES) else f"robot_{number}"
         parts[name] = DrivePart(first, last, int(stamps_ns[0] - stamps_ns[first]))
     return parts
