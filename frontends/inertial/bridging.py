@@ -19,7 +19,7 @@ from wiclosure import se3
 from wiclosure.frontends.inertial.faults import spoiled
 from wiclosure.frontends.inertial.gravity import CAUCHY_WIDTH, LEVER_SIGMA_M, MAD_TO_SIGMA, GravityFit
 from wiclosure.frontends.inertial.turning import TurningRates
-from wiclosure.frontends.inertial.windows import WINDOW_S, seconds_since
+from wiclosure.frontends.inertial.windows import WINDOW_S, integrated, seconds_since
 from wiclosure.frontends.slips import UNLIKE
 from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
@@ -167,7 +167,8 @@ def _felt_displacements(
     R, t_fit = odometry.at(at)[:, :3, :3], seconds_since(odometry, fit.windows.stamps_ns)
     gravity = np.stack([np.interp(t_imu, t_fit, fit.smoothed[:, axis]) for axis in range(3)], axis=1)
     force = np.einsum("nij,nj->ni", R, imu.acceleration @ R_body_imu.T - fit.bias) - gravity
-    velocity, path = _integrated(t_imu, force), _integrated(t_imu, _integrated(t_imu, force))
+    velocity = integrated(t_imu, force)
+    path = integrated(t_imu, velocity)
     V, P = (np.stack([np.interp(t, t_imu, x[:, axis]) for axis in range(3)], axis=1) for x in (velocity, path))
     seconds = np.diff(t)
     by_force = np.diff(P, axis=0) - V[:-1] * seconds[:, None]
@@ -200,9 +201,3 @@ def _velocities(moved: FloatArray, changes: FloatArray, seconds: FloatArray, kno
         sigma = max(MAD_TO_SIGMA * float(np.median(residual)) / np.sqrt(3.0), 1e-4)
         weights = 1.0 / (sigma * (1.0 + (residual / (CAUCHY_WIDTH * sigma)) ** 2)) ** 2
     return np.asarray(found)
-
-
-def _integrated(seconds: FloatArray, values: FloatArray) -> FloatArray:
-    """`(N, 3)` from the first sample on, by the trapezoidal rule."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(seconds)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])

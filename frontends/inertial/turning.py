@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.frontends.inertial.windows import MOST_GAP_S, seconds_since
+from wiclosure.frontends.inertial.windows import MOST_GAP_S, integrated, seconds_since
 from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
 LONGEST_STEP_S = 1.0  # between poses; what turns faster than that is not seen
@@ -40,10 +40,7 @@ class TurningRates:
         seconds = np.diff(t_odom)
         turned = se3.log(se3.between(odometry.poses[:-1], odometry.poses[1:]))[:, :3] / seconds[:, None]
         covered = _covered(t_imu, t_odom) & (seconds <= LONGEST_STEP_S)
-        angles = np.concatenate(
-            [np.zeros((1, 3)), np.cumsum(0.5 * (imu.turning_rate[1:] + imu.turning_rate[:-1])
-                                         * np.diff(t_imu)[:, None], axis=0)]
-        )  # fmt: skip
+        angles = integrated(t_imu, imu.turning_rate)
         at_poses = np.stack([np.interp(t_odom, t_imu, angles[:, axis]) for axis in range(3)], axis=1)
         rates = np.diff(at_poses, axis=0) / seconds[:, None]
         return cls(turned[covered], rates[covered], seconds[covered], np.flatnonzero(covered))

@@ -90,6 +90,12 @@ def seconds_since(odometry: Trajectory, stamps_ns: IntArray) -> FloatArray:
     return np.asarray((stamps_ns - odometry.stamps_ns[0]) * 1e-9)
 
 
+def integrated(seconds: FloatArray, values: FloatArray) -> FloatArray:
+    """`(N, D)` from the first of the samples `(N, D)` on, by the trapezoidal rule; zero there."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(seconds)[:, None]
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+
+
 def velocity_steps(values: FloatArray, seconds: FloatArray) -> FloatArray:
     """`(N, D)`: by how much the slope changes at each of the values `(N, D)`; zero at both ends."""
     slopes = np.diff(values, axis=0) / np.diff(seconds)[:, None]

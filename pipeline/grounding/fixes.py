@@ -45,7 +45,7 @@ def _repeated(log: GnssLog, _: Trajectory) -> tuple[BoolArray, str]:
 def _beyond_reach(log: GnssLog, path: Trajectory) -> tuple[BoolArray, str]:
     if not len(log):
         return np.zeros(0, bool), ""
-    length_m = float(np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum())
+    length_m = float(path.distance[-1])
     during = path.covers(log.stamps_ns)
     middle = np.median(log.geodetic[during] if during.any() else log.geodetic, axis=0)
     off_m = np.linalg.norm(enu_of(log.geodetic, middle)[:, :2], axis=1)
