@@ -14,8 +14,9 @@ import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import Edges, System, degrees_of_freedom, mahalanobis_squared
-from wiclosure.backends.least_squares.normal_matrix import DEGREES
+from wiclosure.backends.least_squares.chordal import cheaper_start
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -103,7 +104,7 @@ def graduated(
     the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
     from the last start, and it is the answer where it costs less than what came of them.
     """
-    system, count = System.of(odometry + loops, len(starts[0]), held), len(odometry)
+    system, count = System.of(odometry + loops, starts[0], held), len(odometry)
     for start in starts:
         plain = poses = system.solved(start)
         chi_square = system.chi_squares(poses)[count:]
@@ -156,13 +157,14 @@ def settle(
     """
     rng = np.random.default_rng(len(loops))
     rows = np.flatnonzero(inside)
-    system = System.of(odometry + loops.subset(rows), len(poses), held)
-    noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
+    system = System.of(odometry + loops.subset(rows), poses, held)
+    noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
     degrees = degrees_of_freedom(odometry.T, loops.T)
     for step in range(CHECK_ROUNDS):
-        weights = np.concatenate([np.ones(count), kept.astype(float)])
-        poses, moved = system.sampled(poses, weights, noise)
+        used = np.concatenate([np.ones(count, bool), kept])
+        part = system.subset(used)
+        poses, moved = part.sampled(poses if step else cheaper_start(part, poses), noise[used])
         residuals = system.residuals(poses)
         covariance = _residual_covariance(system, poses, moved, noise)
         distance = mahalanobis_squared(residuals, covariance)
@@ -180,15 +182,15 @@ def settle(
     found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
     wander = se3.adjoint(poses) @ moved
     used = np.concatenate([np.ones(count, bool), kept])
-    checked = np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
     expected = np.diagonal(covariance, axis1=1, axis2=2)
+    checked = expected.mean(axis=1) > CHECKED
     components = VarianceComponents.of(residuals[used], expected[used], degrees)
     return Settled(poses, wander, mask, found, distance[checked & used], components)
 
 
 def _residual_covariance(system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
-    """`(M, 6, 6)` of the whitened residuals, as sampled."""
-    A, B = system.jacobians(poses)
+    """`(M, K, K)` of the whitened residuals, as sampled."""
+    (A, B), moved, width = system.jacobians(poses), moved[:, system.free], len(system.free)
     sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
-    covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - DEGREES - 1)
-    return np.asarray(covariance + REDUNDANCY_FLOOR * np.eye(DEGREES))
+    covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - width - 1)
+    return np.asarray(covariance + REDUNDANCY_FLOOR * np.eye(width))
