@@ -26,6 +26,21 @@ OUT_OF_PLANE = np.array([0, 1, 5])
 
 
 @dataclass(frozen=True, eq=False)
+class Descent:
+    """What came of some steps.
+
+    Args:
+        poses: `(N, 4, 4)`.
+        converged: whether the last step hardly lowered the cost.
+        last: derivatives by both ends and normal equations of the last step, if it has converged undamped.
+    """
+
+    poses: FloatArray
+    converged: bool
+    last: tuple[tuple[FloatArray, FloatArray], Factorised] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """Edges over `size` nodes, linearised where the poses are; the nodes `held` do not move.
 
@@ -92,20 +107,19 @@ class System:
         Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
         """
         w = np.ones(len(self.edges)) if weights is None else weights
-        return self.subset(w > 0)._descended(poses, w[w > 0], steps)[0]
+        return self.subset(w > 0).descent(poses, w[w > 0], steps).poses
 
-    def sampled(self, poses: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same estimate, and what noise of the edges does to it: `(N, 6, S)` for whitened `(M, K, S)`.
+    def spread(self, descent: Descent, noise: FloatArray) -> FloatArray:
+        """What noise does to an estimate: `(N, 6, S)` for whitened `(M, K, S)`, to first order.
 
-        To first order, about where the last step of the estimate began: it hardly moved.
+        About where its last step began, if that was not damped: it hardly moved.
         """
-        ones = np.ones(len(self.edges))
-        poses, last = self._descended(poses, ones, STEPS)
-        if last is None:
-            J = self.jacobians(poses)
-            last = J, self.normal.factorised(*J, ones, self.held, 0.0)
-        J, factorised = last
-        return poses, self._tangents(factorised.solve(-self.gradient(J, noise)))
+        if descent.last:
+            J, factorised = descent.last
+        else:
+            J = self.jacobians(descent.poses)
+            factorised = self.normal.factorised(*J, np.ones(len(self.edges)), self.held, 0.0)
+        return self._tangents(factorised.solve(-self.gradient(J, noise)))
 
     def _tangents(self, moved: FloatArray) -> FloatArray:
         """`(N, 6, ...)` of movements `(N, K, ...)`."""
@@ -115,10 +129,8 @@ class System:
         tangents[:, self.free] = moved
         return tangents
 
-    def _descended(
-        self, poses: FloatArray, w: FloatArray, steps: int
-    ) -> tuple[FloatArray, tuple[tuple[FloatArray, FloatArray], Factorised] | None]:
-        """Poses, and if the last step hardly moved them, its derivatives and undamped normal equations."""
+    def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
+        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`."""
         damping, cost = 0.0, float(w @ self.chi_squares(poses))
         for _ in range(steps):
             J, residuals = self.jacobians(poses), self.residuals(poses)
@@ -132,14 +144,14 @@ class System:
                     break
                 damping = max(10.0 * damping, LEAST_DAMPED)
             else:
-                return poses, None
+                return Descent(poses, True)
             undamped, decrease = damping == 0.0, cost - new_cost
             if decrease >= AS_PREDICTED * (cost - float(w @ self._linearised(J, residuals, step))):
                 damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
             poses, cost = moved, new_cost
             if decrease <= CONVERGED * (cost + 1e-9):
-                return poses, (J, factorised) if undamped else None
-        return poses, None
+                return Descent(poses, True, (J, factorised) if undamped else None)
+        return Descent(poses, False)
 
     def _linearised(
         self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray, step: FloatArray

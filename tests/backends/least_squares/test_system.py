@@ -54,8 +54,9 @@ def test_jacobians_are_those_of_small_motions():
 def test_samples_of_the_estimate_have_the_marginal_covariance():
     edges, truth = ring(2)
     system, rng = System.of(edges, truth, np.array([0])), np.random.default_rng(2)
-    poses, moved = system.sampled(truth, rng.normal(size=(len(edges), 6, 4000)))
-    np.testing.assert_allclose(poses, system.solved(truth), atol=1e-5)  # converged to that
+    descent = system.descent(truth, np.ones(len(edges)))
+    assert descent.converged
+    moved = system.spread(descent, rng.normal(size=(len(edges), 6, 4000)))
     H = np.linalg.inv(_normal_matrix(system, truth)[6:, 6:])
     for node in (5, 10, 19):
         block = slice(6 * (node - 1), 6 * node)
@@ -98,7 +99,8 @@ def test_in_the_plane_three_degrees_of_freedom_give_what_six_do():
     assert (len(flat.free), len(full.free)) == (3, 6)
     np.testing.assert_allclose(flat.solved(truth), full.solved(truth), atol=1e-5)
     rng = np.random.default_rng(4)
-    samples = [s.sampled(truth, rng.normal(size=(len(edges), len(s.free), 4000)))[1] for s in (flat, full)]
+    ones = np.ones(len(edges))
+    samples = [s.spread(s.descent(truth, ones), rng.normal(size=(len(edges), len(s.free), 4000))) for s in (flat, full)]
     of_flat, of_full = (moved[10] @ moved[10].T / 4000 for moved in samples)
     assert samples[0].shape == samples[1].shape
     np.testing.assert_allclose(np.diag(of_flat)[2:5], np.diag(of_full)[2:5], rtol=0.15)
