@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,17 @@ class JointCovariance:
         own_a, cross, own_b = self._rows(rows).joint(self._rows(columns), slice(0, 6))
         return own_a[of_n], cross[of_n, of_m], own_b[of_m]
 
+    def about(self, robot: int, one: int) -> tuple[FloatArray, FloatArray]:
+        """Covariances `(n, 6, 6)` of all poses of a robot, and of these with one of them."""
+        poses = np.arange(self.first[robot], self.first[robot + 1])
+        turn = self._turn(poses)
+        with_one = turn @ self.root.with_one(poses, int(poses[one])) @ turn[one].T
+        return turn @ self._own[poses] @ np.swapaxes(turn, 1, 2), with_one
+
+    @cached_property
+    def _own(self) -> FloatArray:
+        return self.root.chains()[0]
+
     def of_robot(self, robot: int) -> Rows:
         """What all poses of a robot depend on."""
         rows = self._kept.pop(robot, None)
@@ -53,9 +65,12 @@ class JointCovariance:
 
     def _rows(self, poses: IntArray) -> Rows:
         values, places = self.root.rows(poses)
+        return Rows(self._turn(poses) @ values, places)
+
+    def _turn(self, poses: IntArray) -> FloatArray:
         turn = np.zeros((len(poses), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
-        return Rows(turn @ values, places)
+        return turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +84,6 @@ class Rows:
 
     values: FloatArray
     places: IntArray
-
-    @property
-    def own(self) -> FloatArray:
-        """`(n, 6, 6)` covariance of each pose."""
-        return _squared(self.values)
 
     def only(self, poses: slice | int) -> Rows:
         """Those of some of the poses."""

@@ -173,12 +173,14 @@ class JointEstimate:
         return from_before + share[:, None] * (from_after - from_before)
 
     def _reach(self, robot: str) -> Reach:
-        nodes, rows = self.nodes[robot], self.covariance.of_robot(self._number[robot])
+        nodes = self.nodes[robot]
+        middle = len(nodes) // 2
+        own, with_middle = self.covariance.about(self._number[robot], middle)
         before, share = nodes.around_keyframes()
         after = np.minimum(before + 1, len(nodes) - 1)
         chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
         off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
-        turn = np.einsum("nii->n", rows.own[:, :3, :3])
+        turn = np.einsum("nii->n", own[:, :3, :3])
         variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
         places = KeyframePlaces(
             positions=self.positions[robot][:, : self.dimensions],
@@ -186,7 +188,7 @@ class JointEstimate:
             node=before,
             fraction=share,
         )
-        return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], rows)
+        return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], middle, own, with_middle)
 
 
 def estimate(

@@ -69,12 +69,20 @@ class Reach:
     boxes: Boxes
 
     @classmethod
-    def of(cls, places: KeyframePlaces, nodes: FloatArray, rows: Rows) -> Reach:
-        """From a robot's keyframes, its nodes' positions `(n, 3)` and what they depend on, in the shared axes."""
-        middle = len(nodes) // 2
-        own, d = rows.own, places.positions.shape[1]
-        shape = _shape(rows.values, nodes, middle)[:, :d]
-        shape_sigma = _sigma(shape @ np.swapaxes(shape, 1, 2))
+    def of(
+        cls, places: KeyframePlaces, nodes: FloatArray, middle: int, own: FloatArray, with_middle: FloatArray
+    ) -> Reach:
+        """From a robot's keyframes, and its n nodes in the shared axes.
+
+        Args:
+            places: the keyframes.
+            nodes: `(n, 3)` positions.
+            middle: one of the nodes.
+            own: `(n, 6, 6)` their covariances.
+            with_middle: `(n, 6, 6)` the same of each with the middle one.
+        """
+        d = places.positions.shape[1]
+        shape_sigma = _sigma(_shape(nodes - nodes[middle], own, own[middle], with_middle)[:, :d, :d])
         starts = np.arange(0, len(places), LEAF)
         ends = np.minimum(starts + LEAF, len(places)) - 1
         touched = [
@@ -150,10 +158,12 @@ def _swing(turn: FloatArray, lever: FloatArray, dimensions: int) -> FloatArray:
     return np.asarray(np.sqrt(turn[2, 2]) * horizontal + _sigma(turn[:2, :2]) * upright)
 
 
-def _shape(rows: FloatArray, nodes: FloatArray, middle: int) -> FloatArray:
-    """`(n, 3, c)` of the nodes' positions in the frame of the middle one."""
-    lever = nodes - nodes[middle]
-    return np.asarray(rows[:, 3:] - rows[middle, 3:] + se3.skew(lever) @ rows[middle, :3])
+def _shape(lever: FloatArray, own: FloatArray, middle: FloatArray, with_middle: FloatArray) -> FloatArray:
+    """`(n, 3, 3)` covariances of the nodes' positions at levers `(n, 3)` in the frame of the middle one."""
+    by_middle = np.concatenate([se3.skew(lever), np.tile(-np.eye(3), (len(lever), 1, 1))], axis=2)
+    mixed = with_middle[:, 3:] @ np.swapaxes(by_middle, 1, 2)
+    of_middle = by_middle @ middle @ np.swapaxes(by_middle, 1, 2)
+    return np.asarray(own[:, 3:, 3:] + of_middle + mixed + np.swapaxes(mixed, 1, 2))
 
 
 def _sigma(covariance: FloatArray) -> FloatArray:
