@@ -70,16 +70,22 @@ class JointEstimate:
     def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots; see `SharedEstimate`."""
         a, b = self.reach[robot_a], self.reach[robot_b]
-        rows_a, rows_b = (self.covariance.of_robot(self._number[robot]) for robot in (robot_a, robot_b))
         of_a, of_b = slice(0, len(a.places)), slice(0, len(b.places))
         if gate is not None:
-            stretches = meeting_stretches(a, rows_a, b, rows_b, gate)
+            stretches = meeting_stretches(a, b, self._of_middles(robot_a, robot_b), gate)
             if stretches is None:
                 return ()
             of_a, of_b = stretches
         (places_a, nodes_a), (places_b, nodes_b) = a.places.stretch(of_a), b.places.stretch(of_b)
-        table = rows_a.only(nodes_a).displacements(rows_b.only(nodes_b), self.dimensions)
+        rows_a, rows_b = (self.covariance.positions(self._number[r], self.dimensions) for r in (robot_a, robot_b))
+        table = rows_a.only(nodes_a).displacements(rows_b.only(nodes_b))
         return (PairModel(places_a, places_b, table, first=(of_a.start, of_b.start)),)
+
+    def _of_middles(self, robot_a: str, robot_b: str) -> FloatArray:
+        """`(12, 12)` covariance of the middle nodes of two robots, in the shared axes."""
+        middles = (np.array([self.first[robot] + self.reach[robot].middle]) for robot in (robot_a, robot_b))
+        own_a, cross, own_b = self.covariance.of_pairs(*middles)
+        return np.block([[own_a[0], cross[0]], [cross[0].T, own_b[0]]])
 
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """See `SharedEstimate`."""

@@ -23,7 +23,6 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces
 from wiclosure.wiclosure_filter.search.segments import LEAF
-from wiclosure.wiclosure_filter.shared.joint_covariance import Rows
 
 # m^2: no bound on how flat a covariance may be, so that only its largest axis rules pairs out.
 NO_SPREAD = 1e-12
@@ -113,9 +112,16 @@ def near_enough(robots: list[Reach], gate: Gate) -> BoolArray:
     return near
 
 
-def meeting_stretches(a: Reach, rows_a: Rows, b: Reach, rows_b: Rows, gate: Gate) -> tuple[slice, slice] | None:
-    """Keyframes of both robots between which all pairs are that the gate may keep; None where it keeps none."""
-    apart, turned = _between(a, rows_a, b, rows_b)
+def meeting_stretches(a: Reach, b: Reach, of_middles: FloatArray, gate: Gate) -> tuple[slice, slice] | None:
+    """Keyframes of both robots between which all pairs are that the gate may keep; None where it keeps none.
+
+    Args:
+        a: one robot.
+        b: the other.
+        of_middles: `(12, 12)` covariance of their middle nodes, rotation first, in the shared axes.
+        gate: decides on pairs.
+    """
+    apart, turned = _between(a, b, of_middles)
     ours, theirs, d = a.boxes, b.boxes, a.places.positions.shape[1]
     gap = np.maximum(ours.low[:, None] - theirs.high, theirs.low - ours.high[:, None])
     farthest = np.maximum(ours.node_high[:, None] - theirs.node_low, theirs.node_high - ours.node_low[:, None])
@@ -141,13 +147,11 @@ def _stretch(leaves: IntArray, size: int) -> slice:
     return slice(int(leaves[0]) * LEAF, min((int(leaves[-1]) + 1) * LEAF, size))
 
 
-def _between(a: Reach, rows_a: Rows, b: Reach, rows_b: Rows) -> tuple[FloatArray, FloatArray]:
+def _between(a: Reach, b: Reach, of_middles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Covariances `(3, 3)`, m^2 and rad^2, of where the middle of b lies from that of a, and of how it is turned."""
-    own_a, cross, own_b = rows_a.only(a.middle).joint(rows_b.only(b.middle), slice(0, 6))
-    both = np.block([[own_a[0], cross[0, 0]], [cross[0, 0].T, own_b[0]]])
     moved = np.hstack([se3.skew(b.position - a.position), -np.eye(3), np.zeros((3, 3)), np.eye(3)])
     turned = np.hstack([-np.eye(3), np.zeros((3, 3)), np.eye(3), np.zeros((3, 3))])
-    return moved @ both @ moved.T, turned @ both @ turned.T
+    return moved @ of_middles @ moved.T, turned @ of_middles @ turned.T
 
 
 def _swing(turn: FloatArray, lever: FloatArray, dimensions: int) -> FloatArray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Generic, TypeVar
 
 import gtsam
@@ -230,10 +231,14 @@ class SquareRoot:
 
     def with_ancestors(self, poses: IntArray) -> IntArray:
         """Places of poses and of all that they depend on, increasing."""
-        found, places = np.zeros(len(self.parent), bool), np.unique(self.place[poses])
-        while len(places):
-            found[places] = True
-            places = self.parent[places]
-            places = np.unique(places[places >= 0])
-            places = places[~found[places]]
-        return np.flatnonzero(found)
+        found: set[int] = set()
+        for own in self.place[poses].tolist():
+            place = own
+            while place >= 0 and place not in found:
+                found.add(place)
+                place = self._parents[place]
+        return np.array(sorted(found), np.int64)
+
+    @cached_property
+    def _parents(self) -> list[int]:
+        return [int(place) for place in self.parent]

@@ -52,7 +52,7 @@ def both(R: FloatArray) -> FloatArray:
 
 
 def table(covariance: JointCovariance, a: int, b: int) -> FloatArray:
-    return covariance.of_robot(a).displacements(covariance.of_robot(b), 2)
+    return covariance.positions(a, 2).displacements(covariance.positions(b, 2))
 
 
 def displacement(whole: FloatArray, n: int, m: int) -> FloatArray:
