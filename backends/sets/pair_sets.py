@@ -67,7 +67,7 @@ def sets_between(
 def stands(
     robots: Robots, candidate: CandidateSet, inlier: BoolArray, group: IntArray, settled: Settled, min_size: int
 ) -> bool:
-    """Whether what an estimate by `inlier (M,)` has left of a set found between `group` would hold by the same rules."""
+    """Whether what an estimate by `inlier (M,)` has left of a set between `group` would hold by the same rules."""
     kept = inlier[candidate.rows]
     if kept.all() or not kept.any():
         return bool(kept.all())
