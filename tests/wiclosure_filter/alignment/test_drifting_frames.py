@@ -11,7 +11,8 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT
-from wiclosure.wiclosure_filter.alignment.drifting_frames import BorderedSystem, follow_drift
+from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
+from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
 
