@@ -7,6 +7,7 @@ both; see `drifting_frames`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from wiclosure.wiclosure_filter.alignment.strain import Chain
 from wiclosure.wiclosure_filter.config import RadioModel
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
-from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import ResidualRows, residual_rows, seen_by_receiver
 
@@ -67,23 +68,24 @@ class ChainPosterior:
         return replace(self, drift=(share * self.drift[0], share * self.drift[1]))
 
     def mixture(self, guess: ChainGuess) -> Mixture:
-        """Of the measurements without the errors that are guessed."""
-        return Mixture.of(self.constant.corrected(guess.errors), self.radio, self.drift)
+        """Of the measurements without the errors that are guessed; its widths are those of what was measured."""
+        return replace(self._measured, observations=self.constant.corrected(guess.errors))
 
-    def explanation(self, guess: ChainGuess) -> Explanation:
-        """What explains each measurement; leading dimension 1."""
-        seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~self.constant.observations.a_receives)
-        return self.mixture(guess).explain(seen)
+    @cached_property
+    def _measured(self) -> Mixture:
+        return Mixture.of(self.constant.observations, self.radio, self.drift)
 
     def log_density(self, guess: ChainGuess, information: FloatArray) -> float:
         """Natural logarithm, up to a constant; `information (M - 1, 4, 4)` is that of the steps."""
-        observations = self.constant.corrected(guess.errors)
+        mixture = self.mixture(guess)
+        observations = mixture.observations
         error, _ = _steps(guess, observations)
         squared = np.einsum("mi,mij,mj->", error, information, error)
         squared += np.sum((guess.errors / self.constant.prior_sigma) ** 2)
         squared += np.mean(guess.w[:, 2] ** 2) / self.prior.height_sigma_m**2
         by_compass = _yaw_information(observations, self.prior) @ np.cos(np.nan_to_num(observations.yaw) - guess.yaw)
-        told = self.explanation(guess).log_likelihood[0] @ observations.independence
+        seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~observations.a_receives)
+        told = mixture.explain(seen).log_likelihood[0] @ observations.independence
         return float(told + by_compass - squared / 2)
 
     def linearised(self, guess: ChainGuess) -> Chain:

@@ -100,8 +100,9 @@ def follow_drift(
         chain = excused.linearised(guess)
         step = chain.system.solved()
         guess = _uphill(excused, guess, (step[0].reshape(-1, 4), step[1]), chain.information)
-    explanation = posterior.excused(0.0).explanation(guess)
     corrected, middle, system = constant.corrected(guess.errors), len(order) // 2, chain.system
+    seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~corrected.a_receives)
+    explanation = Mixture.of(corrected, rigid.radio).explain(seen)
     at_middle, covariance = _frame_transform(guess, middle, corrected, constant, system.marginal(middle))
     back = np.argsort(order, kind="stable")
     return DriftingFrames(
