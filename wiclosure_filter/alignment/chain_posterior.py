@@ -140,7 +140,7 @@ def _yaw_information(observations: Observations, prior: Prior) -> FloatArray:
     if not np.isfinite(prior.yaw):
         return np.zeros(len(observations))
     known = np.isfinite(observations.yaw)
-    return np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum()
+    return np.asarray(np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum())
 
 
 def _steps(guess: ChainGuess, observations: Observations) -> tuple[FloatArray, FloatArray]:
