@@ -12,20 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
-from wiclosure.backends.consistency.joining import joined_groups, strongest
+from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
+from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
+from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
 from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
+from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 REFINEMENTS = 4  # of the scale of sigma
 SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+TORN = "what the estimate leaves of its set would not be accepted"
 
 
 @dataclass(eq=False)
@@ -56,7 +58,7 @@ class MergedGroups:
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
-    everything = _everything(robots)
+    everything = by_all_own_loops(robots)
     if settings.most_scale <= 1:
         return _merged(robots, settings, everything, 1.0)
     merged = _under_one_factor(robots, settings, everything)
@@ -65,15 +67,9 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         if factors is None:
             break
         restated = robots.scaled(factors)
-        merged = _under_one_factor(restated, settings, _everything(restated))
+        merged = _under_one_factor(restated, settings, by_all_own_loops(restated))
         merged.factors = merged.factors * factors
     return merged
-
-
-def _everything(robots: Robots) -> Settled:
-    """Each robot by all of its own loops."""
-    own = robots.own
-    return settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
 
 
 def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
@@ -88,16 +84,10 @@ def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settl
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
-    inlier, group = merged.inlier, merged.group
-    ends = robots.groups_of_ends(group)
-    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
 
     def under(more: FloatArray) -> VarianceComponents:
         of = robots.scaled(merged.factors * more)
-        settled = settle(
-            of.odometry, of.loops, inlier, inlier & (ends[0] == ends[1]), merged.settled.poses, held, np.inf
-        )
-        return settled.components
+        return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
     more = separate_factors(merged.settled.components, under)
     least, most = sigma_scale.least(settings.most_scale), settings.most_scale
@@ -109,11 +99,11 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
     known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
     if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
-        as_stated = _own(robots, everything, limit)
+        as_stated = by_own_inliers(robots, everything, limit)
         fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
         if fitting is not None and fitting <= sigma_scale.NO_MATTER:
             wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
-            under_wider = _own(robots.scaled(wider), everything.scaled(wider), limit)
+            under_wider = by_own_inliers(robots.scaled(wider), everything.scaled(wider), limit)
             if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
                 return sigma_scale.settled(fitting, most)
     for _ in range(REFINEMENTS):
@@ -122,14 +112,14 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
         before, scale = scale, sigma_scale.settled(known, most)
         if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
             return scale
-        by_itself = _own(robots.scaled(scale), everything.scaled(scale), limit)
+        by_itself = by_own_inliers(robots.scaled(scale), everything.scaled(scale), limit)
         left = sigma_scale.of_residuals(by_itself.redundant, robots.degrees)
         if left is None:
             break
         known = scale * left
     if known is not None:
         return scale
-    settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
+    settled = by_own_inliers(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
     alone = np.arange(robots.count)
     widest = settings.agree_limit * (2.0 * most) ** 2
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
@@ -137,42 +127,45 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
 
 
-def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
-    """Each robot by its own loops: all of them, where none contradicts the others."""
-    own = robots.own
-    if not (everything.distance[own] > limit).any():
-        return everything
-    inlier = own.copy()
-    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), [robots.poses], robots.first_nodes, limit)
-    return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
-
-
 def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
     """Round after round."""
     limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
-    group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
+    group, settled = np.arange(robots.count), by_own_inliers(robots, everything.scaled(scale), limit)
     of_robots: list[CandidateSet] | None = None
+    torn = np.zeros(len(robots.loops), bool)  # closures of sets of which too little was left
     while True:
         places = places_of_groups(robots, group, settled)
-        pairs = pairs_of_groups(robots, group)
+        pairs = [rows[~torn[rows]] for rows in pairs_of_groups(robots, group) if not torn[rows].all()]
         candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = strongest(candidates, settings.ambiguous_share)
         if not holding:
             break
-        group, poses, joined = joined_groups(robots, group, settled, holding, settings.agree_limit)
-        ends = robots.groups_of_ends(group)
-        inside = ends[0] == ends[1]
+        new_group, poses, joining = joined_groups(robots, group, settled, holding, settings.agree_limit)
         inlier = settled.inlier.copy()
-        inlier[joined] = True
-        held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
-        settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
-    reasons = _reasons(robots, group, settled, candidates)
+        inlier[np.concatenate([c.rows for c in joining])] = True
+        after = _settled(robots, new_group, inlier, poses, limit)
+        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings.min_size)]
+        if connect(standing, group, new_group):
+            group, settled = new_group, after
+        else:
+            torn[np.concatenate([c.rows for c in joining if c not in standing])] = True
+    reasons = _reasons(robots, group, settled, candidates, torn)
     return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
 
 
-def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:
+def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:
+    """The estimate within the groups, from these inliers of theirs and poses; without a limit, of no other closures."""
+    first, second = robots.groups_of_ends(group)
+    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+    inside = (first == second) & (inlier | np.isfinite(limit))
+    return settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
+
+
+def _reasons(
+    robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet], torn: BoolArray
+) -> dict[int, str]:
     """Why closures are rejected."""
     first, second = robots.groups_of_ends(group)
     reasons: dict[int, str] = {}
@@ -184,5 +177,5 @@ def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[C
             sigmas = np.sqrt(settled.distance[row])
             reasons[row] = f"contradicts what the other closures and odometry predict, {sigmas:.1f} sigma off"
         else:
-            reasons.setdefault(row, "no other closure agrees with it")
+            reasons.setdefault(row, TORN if torn[row] else "no other closure agrees with it")
     return reasons

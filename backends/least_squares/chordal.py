@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.system import System, whiteners
@@ -31,9 +33,13 @@ def chordal(system: System, poses: FloatArray) -> FloatArray:
 
 
 def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
-    """The poses given or chordal initialisation, whichever costs less."""
+    """The poses given or chordal initialisation, whichever costs less, of each connected part of the graph."""
+    first, second = system.edges.first, system.edges.second
+    joined = sp.coo_matrix((np.ones(len(first)), (first, second)), shape=(system.size, system.size))
+    parts, part = connected_components(joined, directed=False)
     found = chordal(system, poses)
-    return found if system.cost(found) < system.cost(poses) else poses
+    costs = [np.bincount(part[first], system.chi_squares(of), parts) for of in (poses, found)]
+    return np.where((costs[1] < costs[0])[part][:, None, None], found, poses)
 
 
 def _nearest_rotations(M: FloatArray) -> FloatArray:

@@ -29,7 +29,8 @@ NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
 FEW_STEPS = 5  # of Levenberg-Marquardt, in which an estimate without gross outliers converges
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
-WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
+WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these;
+# of those that came back, the worst alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +206,7 @@ def _changes(
     bound = fewest_errors(int((distance <= limit).sum()), distance[distance > limit], limit, degrees)
     drop = kept & (distance > bound)
     if drop.any():
-        return bound, drop & (distance >= WORST * distance[drop].max()), np.zeros_like(drop)
+        return bound, drop & (distance >= np.where(locked, 1.0, WORST) * distance[drop].max()), np.zeros_like(drop)
     return bound, drop, ~kept & (distance <= bound) & (locked < 2)
 
 

@@ -11,7 +11,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.map_check import Contradiction, MergedPair, contradiction, held_against_map
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,
     FloatArray,

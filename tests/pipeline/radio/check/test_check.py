@@ -15,12 +15,12 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.radio.check.check import CheckResult, check_log
 from wiclosure.pipeline.radio.check.range_fit import fit_ranges
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 
 START_S = 1_700_000_000
 RADIO = RadioSettings(
-    every_m=None, every_s=0.5, range_sigma_m=0.1, azimuth_sigma_deg=8.0, direction="reciprocal", gross_ranges=0.0
+    every_m=None, every_s=1.0, range_sigma_m=0.1, azimuth_sigma_deg=8.0, direction="reciprocal", gross_ranges=0.0
 )
 Change = Callable[[WirelessMeasurement], WirelessMeasurement]
 
