@@ -33,6 +33,7 @@ _Result = TypeVar("_Result")
 LOCAL = "local:"
 _OF_WORKERS = "all"  # the scheduler's own topic
 _START_S = 60.0
+_ANSWER_S = 10.0
 _LISTEN_S = 0.5
 _NEWS_S = 1.0  # every worker's news pass the scheduler
 _AWAY_S = 120.0  # all workers may be away so long: those that died start again within seconds
@@ -341,7 +342,7 @@ def _connected(address: str, tls: TlsFiles | None) -> Client:
             require_encryption=True,
         )
     try:
-        return Client(address, security=security, timeout=10)
+        return Client(address, security=security, timeout=_ANSWER_S)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).strip().splitlines()[0]
         raise ConfigError(f"no scheduler answers at {address} ({reason}); see --cluster and --cluster-tls") from None

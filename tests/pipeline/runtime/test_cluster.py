@@ -185,7 +185,8 @@ def test_a_number_of_workers_is_a_number(address: str, labour: ModuleType) -> No
         pass
 
 
-def test_nobody_there_is_one_line(labour: ModuleType) -> None:
+def test_nobody_there_is_one_line(labour: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wiclosure.pipeline.runtime.cluster._ANSWER_S", 1.0)
     with (
         pytest.raises(ConfigError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1"),
         cluster("tcp://127.0.0.1:1"),
