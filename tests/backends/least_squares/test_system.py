@@ -83,6 +83,7 @@ def test_an_edge_of_no_weight_changes_nothing(weight):
     without = System.of(edges, truth, np.array([0])).solved(truth)
     assert np.allclose(found, without, atol=1e-6) == (weight == 0.0)
 
+
 def planar_ring(seed):
     """The same ring, with noise in the plane alone."""
     edges, truth = ring(seed)
