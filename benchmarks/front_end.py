@@ -37,12 +37,12 @@ from wiclosure.frontends.config import (
     ScanContextSettings,
 )
 from wiclosure.frontends.front_end import FrontEndResult, OdometryRun, describe_all
-from wiclosure.frontends.intra_robot_loops import intra_robot_loops
-from wiclosure.frontends.kiss_odometry import KissOdometry
-from wiclosure.frontends.matching import match
-from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.odometry.kiss_odometry import KissOdometry
+from wiclosure.frontends.place_recognition.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.place_recognition.matching import match
+from wiclosure.frontends.place_recognition.scan_context import ColumnSpectra, compare_descriptors, describe
+from wiclosure.frontends.registration.registration import Registration
 from wiclosure.frontends.scale import voxel_size_m
-from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.pipeline.config import Config, resolve
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 from wiclosure.pipeline.data.inputs import Inputs

@@ -42,19 +42,19 @@ from wiclosure.frontends.front_end import OdometryRun, describe_all
 from wiclosure.frontends.front_end_result import FrontEndResult
 from wiclosure.frontends.inertial.estimate import estimate_up
 from wiclosure.frontends.inertial.gravity import level_rotation
-from wiclosure.frontends.intra_robot_loops import intra_robot_loops
 from wiclosure.frontends.keyframes import KeyframeSelector
-from wiclosure.frontends.matching import match, spread_out
 from wiclosure.frontends.moving_objects import standing
-from wiclosure.frontends.recorded_odometry import RecordedOdometry
-from wiclosure.frontends.registration import Registration
-from wiclosure.frontends.sweep import within_range
+from wiclosure.frontends.odometry.recorded_odometry import RecordedOdometry
+from wiclosure.frontends.odometry.sweep import within_range
+from wiclosure.frontends.place_recognition.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.place_recognition.matching import match, spread_out
+from wiclosure.frontends.registration.registration import Registration
 from wiclosure.pipeline.data.navigation.reader import read_imu
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.sources.messages.ros_types import typestore
-from wiclosure.simulation.imu import ImuSettings, simulate_imu
 from wiclosure.simulation.scenario import Scenario
-from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
+from wiclosure.simulation.sensors.imu import ImuSettings, simulate_imu
 from wiclosure.types import (
     BoolArray,
     Closure,

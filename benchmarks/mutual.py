@@ -27,7 +27,7 @@ from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_result import RunResult
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Scan, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings
 

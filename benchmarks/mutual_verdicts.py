@@ -23,7 +23,7 @@ from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.check import places
 from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, agrees_with_radio, weigh
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
-from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from wiclosure.simulation import ScenarioSettings, make_scenario
-from wiclosure.simulation.lidar import LIDARS
+from wiclosure.simulation.sensors.lidar import LIDARS
 
 SCANS = 20
 

@@ -25,8 +25,8 @@ from wiclosure import se3
 from wiclosure.backends.config import PoseGraphSettings
 from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.config import OdometrySettings, ScanContextSettings
-from wiclosure.frontends.kiss_odometry import KissOdometry
-from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
+from wiclosure.frontends.odometry.kiss_odometry import KissOdometry
+from wiclosure.frontends.place_recognition.scan_context import ColumnSpectra, compare_descriptors, describe
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
 from wiclosure.types import Closure, Float32Array, FloatArray, IntArray, KeyframeId, Trajectory
 

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from wiclosure.frontends.front_end_result import Descriptors as Descriptors
     from wiclosure.frontends.front_end_result import FrontEndResult as FrontEndResult
     from wiclosure.frontends.front_end_result import OdometryResult as OdometryResult
-    from wiclosure.frontends.matching import MatchResult as MatchResult
-    from wiclosure.frontends.matching import match as match
-    from wiclosure.frontends.odometry import ODOMETRIES as ODOMETRIES
-    from wiclosure.frontends.odometry import make_odometry as make_odometry
-    from wiclosure.frontends.registration import Registration as Registration
-    from wiclosure.frontends.registration_methods import METHODS as METHODS
-    from wiclosure.frontends.registration_methods import RegistrationMethod as RegistrationMethod
-    from wiclosure.frontends.scan_context import describe as describe
+    from wiclosure.frontends.odometry.registry import ODOMETRIES as ODOMETRIES
+    from wiclosure.frontends.odometry.registry import make_odometry as make_odometry
+    from wiclosure.frontends.place_recognition.matching import MatchResult as MatchResult
+    from wiclosure.frontends.place_recognition.matching import match as match
+    from wiclosure.frontends.place_recognition.scan_context import describe as describe
+    from wiclosure.frontends.registration.methods import METHODS as METHODS
+    from wiclosure.frontends.registration.methods import RegistrationMethod as RegistrationMethod
+    from wiclosure.frontends.registration.registration import Registration as Registration
 else:
     __getattr__, __dir__, __all__ = offer(
         __name__,
@@ -34,10 +34,10 @@ else:
             ),
             "wiclosure.frontends.front_end": "OdometryRun describe_all",
             "wiclosure.frontends.front_end_result": "Descriptors FrontEndResult OdometryResult",
-            "wiclosure.frontends.matching": "MatchResult match",
-            "wiclosure.frontends.odometry": "ODOMETRIES make_odometry",
-            "wiclosure.frontends.registration": "Registration",
-            "wiclosure.frontends.registration_methods": "METHODS RegistrationMethod",
-            "wiclosure.frontends.scan_context": "describe",
+            "wiclosure.frontends.place_recognition.matching": "MatchResult match",
+            "wiclosure.frontends.odometry.registry": "ODOMETRIES make_odometry",
+            "wiclosure.frontends.registration.registration": "Registration",
+            "wiclosure.frontends.registration.methods": "METHODS RegistrationMethod",
+            "wiclosure.frontends.place_recognition.scan_context": "describe",
         },
     )

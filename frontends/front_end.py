@@ -14,10 +14,10 @@ from wiclosure.frontends.config import KeyframeSettings, OdometrySettings, ScanC
 from wiclosure.frontends.elevation import elevation_corrected
 from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, FrontEndResult, OdometryResult
 from wiclosure.frontends.keyframes import KeyframeCollector, Registered
-from wiclosure.frontends.odometry import make_odometry
-from wiclosure.frontends.scan_context import describe
+from wiclosure.frontends.odometry.registry import make_odometry
+from wiclosure.frontends.odometry.sweep import sweep_stamps_ns, within_range
+from wiclosure.frontends.place_recognition.scan_context import describe
 from wiclosure.frontends.state import Resumable, State, part, under
-from wiclosure.frontends.sweep import sweep_stamps_ns, within_range
 from wiclosure.interfaces import Hold
 from wiclosure.types import Float32Array, FloatArray, Scan, Trajectory
 

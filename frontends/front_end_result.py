@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.unpacking import read_arrays
-from wiclosure.frontends.slips import Slips, find_slips, lost_steps, opened
+from wiclosure.frontends.inertial.slips import Slips, find_slips, lost_steps, opened
 from wiclosure.types import BoolArray, Float32Array, FloatArray, IntArray, Trajectory
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.frontends.free_space import FreeSpace
+from wiclosure.frontends.registration.free_space import FreeSpace
 from wiclosure.types import BoolArray, Float32Array, FloatArray
 
 NEIGHBOURS = (-20, -10, -5, 5, 10, 20)  # keyframes: walkers have left their place, near enough to see it still

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure.errors import ConfigError
-from wiclosure.simulation.gnss import GnssSettings, simulate_gnss
-from wiclosure.simulation.imu import ImuSettings, simulate_imu
-from wiclosure.simulation.lidar import Individual, LidarModel, sweep
-from wiclosure.simulation.motion import START_NS, Motion
 from wiclosure.simulation.names import lookup
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless
-from wiclosure.simulation.scene import Scene
-from wiclosure.simulation.traffic import Traffic
+from wiclosure.simulation.sensors.gnss import GnssSettings, simulate_gnss
+from wiclosure.simulation.sensors.imu import ImuSettings, simulate_imu
+from wiclosure.simulation.sensors.lidar import Individual, LidarModel, sweep
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless
+from wiclosure.simulation.world.motion import START_NS, Motion
+from wiclosure.simulation.world.scene import Scene
+from wiclosure.simulation.world.traffic import Traffic
 from wiclosure.types import BoolArray, FloatArray, GnssLog, ImuLog, IntArray, Scan, Trajectory, WirelessLog
 
 _BODY_RADIUS_M = 0.3

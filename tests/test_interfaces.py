@@ -6,8 +6,8 @@ import inspect
 
 import pytest
 
-from wiclosure.frontends.kiss_odometry import KissOdometry
-from wiclosure.frontends.recorded_odometry import RecordedOdometry
+from wiclosure.frontends.odometry.kiss_odometry import KissOdometry
+from wiclosure.frontends.odometry.recorded_odometry import RecordedOdometry
 from wiclosure.interfaces import CandidateFilter, Odometry, ScanSource
 from wiclosure.pipeline.sources.folder import FolderSource
 from wiclosure.pipeline.sources.kitti import KittiSource

@@ -62,7 +62,7 @@ def test_every_package_folder_is_listed() -> None:
     assert found == set(PACKAGES)
 
 
-@pytest.mark.parametrize("room", ["pipeline", "wiclosure_filter"])
+@pytest.mark.parametrize("room", ["frontends", "pipeline", "simulation", "wiclosure_filter"])
 def test_no_folder_is_a_drawer(room: str) -> None:
     folders = [init.parent for init in (REPOSITORY / room).rglob("__init__.py")]
     counts = {str(f.relative_to(REPOSITORY)): len([m for m in f.glob("*.py") if m.stem != "__init__"]) for f in folders}

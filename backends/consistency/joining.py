@@ -18,8 +18,8 @@ from wiclosure.types import FloatArray, IntArray
 
 def joined_groups(
     robots: Robots, group: IntArray, settled: Settled, holding: Sequence[CandidateSet], limit: float
-) -> tuple[IntArray, FloatArray, IntArray]:
-    """New groups, poses in their frames, and the closures of the sets that joined them or agree with those."""
+) -> tuple[IntArray, FloatArray, list[CandidateSet]]:
+    """New groups, poses in their frames, and the sets that joined them or agree with those."""
     best: dict[tuple[int, int], CandidateSet] = {}
     for candidate in sorted(holding, key=lambda c: c.strength):
         best[candidate.a, candidate.b] = candidate
@@ -41,7 +41,15 @@ def joined_groups(
         new_group[np.isin(group, list(component))] = root
     T = np.stack([frames[int(g)] for g in group[robots.robot]])
     agreeing = [c for c in best.values() if tree.has_edge(c.a, c.b) or _agrees(c, frames, limit)]
-    return new_group, T @ settled.poses, np.concatenate([c.rows for c in agreeing])
+    return new_group, T @ settled.poses, agreeing
+
+
+def connect(candidates: Sequence[CandidateSet], group: IntArray, new_group: IntArray) -> bool:
+    """Whether these sets alone join the groups `(R,)` to the new ones."""
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_nodes_from(np.unique(group).tolist())
+    graph.add_edges_from((c.a, c.b) for c in candidates)
+    return int(nx.number_connected_components(graph)) == len(np.unique(new_group))
 
 
 def strongest(candidates: Sequence[CandidateSet], about: float) -> list[CandidateSet]:

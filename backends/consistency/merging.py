@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
-from wiclosure.backends.consistency.joining import joined_groups, strongest
+from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
@@ -20,12 +20,13 @@ from wiclosure.backends.sets import sigma_scale
 from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
+from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 REFINEMENTS = 4  # of the scale of sigma
 SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+TORN = "what the estimate leaves of its set would not be accepted"
 
 
 @dataclass(eq=False)
@@ -88,16 +89,10 @@ def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settl
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
-    inlier, group = merged.inlier, merged.group
-    ends = robots.groups_of_ends(group)
-    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
 
     def under(more: FloatArray) -> VarianceComponents:
         of = robots.scaled(merged.factors * more)
-        settled = settle(
-            of.odometry, of.loops, inlier, inlier & (ends[0] == ends[1]), merged.settled.poses, held, np.inf
-        )
-        return settled.components
+        return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
     more = separate_factors(merged.settled.components, under)
     least, most = sigma_scale.least(settings.most_scale), settings.most_scale
@@ -152,27 +147,40 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
     limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
     group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
     of_robots: list[CandidateSet] | None = None
+    torn = np.zeros(len(robots.loops), bool)  # closures of sets of which too little was left
     while True:
         places = places_of_groups(robots, group, settled)
-        pairs = pairs_of_groups(robots, group)
+        pairs = [rows[~torn[rows]] for rows in pairs_of_groups(robots, group) if not torn[rows].all()]
         candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = strongest(candidates, settings.ambiguous_share)
         if not holding:
             break
-        group, poses, joined = joined_groups(robots, group, settled, holding, settings.agree_limit)
-        ends = robots.groups_of_ends(group)
-        inside = ends[0] == ends[1]
+        new_group, poses, joining = joined_groups(robots, group, settled, holding, settings.agree_limit)
         inlier = settled.inlier.copy()
-        inlier[joined] = True
-        held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
-        settled = settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
-    reasons = _reasons(robots, group, settled, candidates)
+        inlier[np.concatenate([c.rows for c in joining])] = True
+        after = _settled(robots, new_group, inlier, poses, limit)
+        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings.min_size)]
+        if connect(standing, group, new_group):
+            group, settled = new_group, after
+        else:
+            torn[np.concatenate([c.rows for c in joining if c not in standing])] = True
+    reasons = _reasons(robots, group, settled, candidates, torn)
     return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
 
 
-def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet]) -> dict[int, str]:
+def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:
+    """The estimate within the groups, from these inliers of theirs and poses; without a limit, of no other closures."""
+    first, second = robots.groups_of_ends(group)
+    held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])
+    inside = (first == second) & (inlier | np.isfinite(limit))
+    return settle(robots.odometry, robots.loops, inlier & inside, inside, poses, held, limit)
+
+
+def _reasons(
+    robots: Robots, group: IntArray, settled: Settled, last: Sequence[CandidateSet], torn: BoolArray
+) -> dict[int, str]:
     """Why closures are rejected."""
     first, second = robots.groups_of_ends(group)
     reasons: dict[int, str] = {}
@@ -184,5 +192,5 @@ def _reasons(robots: Robots, group: IntArray, settled: Settled, last: Sequence[C
             sigmas = np.sqrt(settled.distance[row])
             reasons[row] = f"contradicts what the other closures and odometry predict, {sigmas:.1f} sigma off"
         else:
-            reasons.setdefault(row, "no other closure agrees with it")
+            reasons.setdefault(row, TORN if torn[row] else "no other closure agrees with it")
     return reasons

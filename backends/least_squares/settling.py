@@ -27,7 +27,8 @@ MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
-WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these
+WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these;
+# of those that came back, the worst alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ def settle(
         bound = fewest_errors(int((of_loops <= limit).sum()), of_loops[of_loops > limit], limit, degrees)
         drop = kept & (of_loops > bound)
         if drop.any():
-            drop &= of_loops >= WORST * of_loops[drop].max()
+            drop &= of_loops >= np.where(locked, 1.0, WORST) * of_loops[drop].max()
         admit = ~kept & (of_loops <= bound) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
         if step == CHECK_ROUNDS - 1 or not (drop.any() or admit.any()):
             break

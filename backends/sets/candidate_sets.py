@@ -9,25 +9,25 @@ import numpy as np
 from scipy.optimize import brentq
 
 from wiclosure.backends.sets.alignment import ClosureComparison, ConsistentSet
-from wiclosure.types import FloatArray
+from wiclosure.types import BoolArray, FloatArray
 
 SATURATED = 5  # places beyond which a set is no more certain: one look-alike street yields any number
 EXPECTED_BY_CHANCE = 0.005  # sets that chance would make: one in two hundred graphs without a true closure
-SPANNED_LESS = 0.01  # share of the sets of closures at any places that span less than `least_span`
 
 
-def least_span(closures: int) -> float:
-    """Share of both paths that all but `SPANNED_LESS` of the sets of so many closures at any places of them span.
+def least_span(closures: int, spanned_less: float = 0.01) -> float:
+    """Share of both paths that all but `spanned_less` of the sets of so many closures at any places of them span.
 
     Of n places drawn from a path, the range is less than the share s with probability `n s^(n-1) - (n-1) s^n`.
     """
-    of_one_path = np.sqrt(SPANNED_LESS)
+    of_one_path = np.sqrt(spanned_less)
     return float(
         brentq(lambda s: closures * s ** (closures - 1) - (closures - 1) * s**closures - of_one_path, 0.0, 1.0)
     )
 
 
-LEAST_COVERAGE = least_span(3)  # less is one place
+LEAST_COVERAGE = least_span(3)  # less is one place: a fifth
+LEAST_OF_THREE = least_span(3, EXPECTED_BY_CHANCE)  # a sixth; the same of three closures, which seldom span more
 
 
 Places = Mapping[int, tuple[FloatArray, FloatArray]]
@@ -70,6 +70,14 @@ class CandidateSet:
 
     def __len__(self) -> int:
         return len(self.closure_set)
+
+    def subset(self, kept: BoolArray) -> CandidateSet:
+        """Some of its closures `(K,)`, one at least, with nothing known for or against them but the cycles."""
+        of = self.closure_set
+        rows = of.rows[kept]
+        medoid = of.medoid if of.medoid in rows else int(rows[0])
+        left = ConsistentSet(rows, medoid, of.p, of.total)
+        return CandidateSet(self.a, self.b, self.rows[kept], left, self.comparison, support=self.support)
 
     @property
     def weight(self) -> float:

@@ -15,8 +15,9 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
 COUNTED = 2000  # closures among which neighbours are counted
-NULL_PAIRS = 1000  # recombined pairs from which the chance to agree is estimated
-DIMENSION_FROM = 20  # of them, whose distances say in how many dimensions
+NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
+DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
+DIMENSION_SHARE = 0.02  # of them
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 
 
@@ -192,7 +193,7 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees:
     nearest = min(nearest, len(distances))
     if rank >= nearest:
         return min(1.0, rank / len(distances))
-    near = distances[: round(DIMENSION_FROM * len(distances) / independent)]
+    near = distances[: round(max(DIMENSION_FROM / independent, DIMENSION_SHARE) * len(distances))]
     exponent = degrees / 2 if independent < 2 * DIMENSION_FROM else min(degrees / 2, _growth(near))
     return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** exponent))
 

@@ -10,10 +10,17 @@ from wiclosure import se3
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
 from wiclosure.backends.sets.alignment import ClosureComparison
-from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED, CandidateSet, Places
+from wiclosure.backends.sets.candidate_sets import (
+    EXPECTED_BY_CHANCE,
+    LEAST_COVERAGE,
+    LEAST_OF_THREE,
+    SATURATED,
+    CandidateSet,
+    Places,
+)
 from wiclosure.backends.sets.claims import Claims
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.types import IntArray
+from wiclosure.types import BoolArray, IntArray
 
 VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
 
@@ -52,11 +59,28 @@ def sets_between(
     consistent_sets = comparison.consistent_sets(settings.agree_limit)
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
-        candidate.coverage = _coverage(robots, candidate, group, settled)
-        candidate.places = _places(robots, candidate)
-        candidate.objection = _objection(robots, candidate, settings.min_size)
+        _check_by_itself(robots, candidate, group, settled, settings.min_size)
     _compare_sizes(found, settings.ambiguous_share)
     return found
+
+
+def stands(
+    robots: Robots, candidate: CandidateSet, inlier: BoolArray, group: IntArray, settled: Settled, min_size: int
+) -> bool:
+    """Whether what an estimate by `inlier (M,)` has left of a set between `group` would hold by the same rules."""
+    kept = inlier[candidate.rows]
+    if kept.all() or not kept.any():
+        return bool(kept.all())
+    left = candidate.subset(kept)
+    _check_by_itself(robots, left, group, settled, min_size)
+    return left.holds
+
+
+def _check_by_itself(robots: Robots, candidate: CandidateSet, group: IntArray, settled: Settled, min_size: int) -> None:
+    """What there is to say for and against a set, were it the only one of its pair."""
+    candidate.coverage = _coverage(robots, candidate, group, settled)
+    candidate.places = _places(robots, candidate)
+    candidate.objection = _objection(robots, candidate, min_size)
 
 
 def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Places:
@@ -117,8 +141,8 @@ def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:
         return f"no more than {size} of the {total} closures agree, {min_size} must"
     if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
-    span, covered = _span(candidate), candidate.coverage >= LEAST_COVERAGE
-    if covered or _views(robots, candidate, span) >= 1 or robots.predicted[candidate.rows].any():
+    span, needed = _span(candidate), LEAST_OF_THREE if size <= 3 else LEAST_COVERAGE
+    if candidate.coverage >= needed or _views(robots, candidate, span) >= 1 or robots.predicted[candidate.rows].any():
         return ""
     return (
         f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"

@@ -18,9 +18,9 @@ from scipy.sparse.linalg import splu
 from wiclosure import se3
 from wiclosure.frontends.inertial.faults import spoiled
 from wiclosure.frontends.inertial.gravity import CAUCHY_WIDTH, LEVER_SIGMA_M, MAD_TO_SIGMA, GravityFit
+from wiclosure.frontends.inertial.slips import UNLIKE
 from wiclosure.frontends.inertial.turning import TurningRates
 from wiclosure.frontends.inertial.windows import WINDOW_S, integrated, seconds_since
-from wiclosure.frontends.slips import UNLIKE
 from wiclosure.types import BoolArray, FloatArray, ImuLog, IntArray, Trajectory
 
 USUAL = 0.25  # quantile of departures that is usual, with many slips too

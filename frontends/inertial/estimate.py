@@ -12,9 +12,9 @@ from wiclosure.frontends.inertial import faults
 from wiclosure.frontends.inertial.axes import FEWEST_TO_CHOOSE, MIRROR, best_choice, in_words, rechosen
 from wiclosure.frontends.inertial.gravity import STANDARD_GRAVITY, GravityFit, fit_gravity, up_at_keyframes
 from wiclosure.frontends.inertial.mounting import Mounting, find_mounting
+from wiclosure.frontends.inertial.slips import Slips, turned_otherwise
 from wiclosure.frontends.inertial.turning import TurningRates
 from wiclosure.frontends.inertial.windows import WINDOW_S, Windows, windows_along
-from wiclosure.frontends.slips import Slips, turned_otherwise
 from wiclosure.types import BoolArray, FloatArray, ImuLog, Trajectory, UpDirections
 
 FEWEST_WINDOWS = 3

@@ -87,7 +87,7 @@ def demo(
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
     from wiclosure.pipeline.data.scenarios.scenario_writer import write_scenario
-    from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+    from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 
     viewing.require_possible(overwrite=result.overwrite, several=True)
     working = Working(no_cache=True, quiet=quiet)

@@ -53,7 +53,7 @@ def split(
     from wiclosure.pipeline.data.split import find_sequence, split_kitti
     from wiclosure.pipeline.report.terminal import show
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
-    from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+    from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 
     def heard(dataset: Dataset) -> WirelessLog:
         truth = {robot: dataset.ground_truth(robot) for robot in dataset.robots}

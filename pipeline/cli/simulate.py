@@ -123,7 +123,7 @@ def simulate(
     from wiclosure.pipeline.runtime.log import warnings_on_terminal
     from wiclosure.pipeline.runtime.output import whole_folder
     from wiclosure.pipeline.runtime.processes import local_workers
-    from wiclosure.simulation.scenarios import make_scenario
+    from wiclosure.simulation.scenarios.registry import make_scenario
 
     require_format(recording_format)
     with warnings_on_terminal(), side_by_side.on_cluster() as cluster:

@@ -12,7 +12,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.data.scenarios.scenario_source import scenario_inputs
 from wiclosure.simulation.names import lookup
-from wiclosure.simulation.scenarios import ScenarioSettings
+from wiclosure.simulation.scenarios.registry import ScenarioSettings
 from wiclosure.wiclosure_filter.registry import FILTERS
 
 

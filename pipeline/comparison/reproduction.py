@@ -16,7 +16,7 @@ from wiclosure.pipeline.comparison.tables import markdown, spread_text
 from wiclosure.pipeline.config import resolve
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.simulation.names import lookup
-from wiclosure.simulation.scenarios import ScenarioSettings
+from wiclosure.simulation.scenarios.registry import ScenarioSettings
 
 ARMS = ("none", "wiclosure", "oracle")
 """Filters that run beside the paper's two columns."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from wiclosure.frontends.config import MatchingSettings
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.matching import match
+from wiclosure.frontends.place_recognition.matching import match
 from wiclosure.types import CandidatePairs, Closure
 
 _MOST_PAIRS = 1_000_000  # that are compared: of longer paths every so many keyframes

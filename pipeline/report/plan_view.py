@@ -8,9 +8,9 @@ import numpy as np
 
 from wiclosure.colours import robot_colour
 from wiclosure.pipeline.report.pictures import new_figure, save
-from wiclosure.simulation.mesh import Mesh
 from wiclosure.simulation.scenario import Scenario
-from wiclosure.simulation.scene import Scene
+from wiclosure.simulation.world.mesh import Mesh
+from wiclosure.simulation.world.scene import Scene
 from wiclosure.types import FloatArray
 
 _EYE_LEVEL_M = 1.5

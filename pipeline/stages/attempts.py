@@ -8,8 +8,8 @@ from time import perf_counter
 
 from wiclosure.frontends.config import MatchingSettings
 from wiclosure.frontends.front_end import FrontEndResult, describe_shifted
-from wiclosure.frontends.intra_robot_loops import intra_robot_loops
-from wiclosure.frontends.matching import MatchResult, match
+from wiclosure.frontends.place_recognition.intra_robot_loops import intra_robot_loops
+from wiclosure.frontends.place_recognition.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from wiclosure.frontends.config import RegistrationSettings
-from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.registration.registration import Registration
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.stages.stored_clouds import StoredClouds
 from wiclosure.types import Closure, Float32Array, FloatArray, KeyframeId, Measured, PredictionKind, Stage

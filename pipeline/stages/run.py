@@ -13,7 +13,7 @@ from wiclosure.backends.estimate.graph_result import propagate_to_scans
 from wiclosure.backends.merged.merged_map import MergedMap, merge_maps
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.moving_objects import standing
-from wiclosure.frontends.registration import Registration
+from wiclosure.frontends.registration.registration import Registration
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.memory import peak_rss_mb

@@ -11,7 +11,7 @@ from wiclosure.backends.estimate.graph_result import GraphResult
 from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.display import closure_columns, data_frame, html_table, listed, significant
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.matching import MatchResult
+from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics

@@ -14,7 +14,7 @@ from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.backends.estimate.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.matching import MatchResult
+from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import Contradiction, held_against_map

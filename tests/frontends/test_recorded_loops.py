@@ -13,8 +13,8 @@ from wiclosure import se3
 from wiclosure.errors import ConfigError
 from wiclosure.frontends.config import RegistrationSettings, ScanContextSettings
 from wiclosure.frontends.keyframes import thinned
-from wiclosure.frontends.registration import Registration
-from wiclosure.frontends.scan_context import ColumnSpectra, compare_descriptors, describe
+from wiclosure.frontends.place_recognition.scan_context import ColumnSpectra, compare_descriptors, describe
+from wiclosure.frontends.registration.registration import Registration
 from wiclosure.types import (
     Closure,
     Float32Array,

@@ -20,7 +20,7 @@ from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_file import write_dataset
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros2_bag
 from wiclosure.pipeline.data.recording import RobotRecording
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from wiclosure.errors import ConfigError
 from wiclosure.interfaces import ScanSource
 from wiclosure.simulation import Scenario, ScenarioSettings, make_scenario
-from wiclosure.simulation.motion import MotionSettings, drive
+from wiclosure.simulation.world.motion import MotionSettings, drive
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -161,7 +162,7 @@ class TeamNodes:
             at[robot] = dict(zip(pairs, parts, strict=True))
         return cls(nodes, links, {(a, b): (at[a][a, b], at[b][a, b]) for a, b in links})
 
-    @property
+    @cached_property
     def first(self) -> dict[str, int]:
         """Number of each robot's first node."""
         return dict(zip(self.nodes, np.cumsum([0, *(len(n) for n in self.nodes.values())]).tolist(), strict=False))

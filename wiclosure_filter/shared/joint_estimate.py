@@ -4,16 +4,16 @@ The paper takes one link for each pair of poses, since one link leaves the traje
 used at once, which also corrects the odometry, and robots that never heard each other are joined through a third.
 
 What is exact and what is a bound: means and joint covariance of the nodes are those of the linearised problem, with
-all their correlations; systematic errors of links more than `FAR_HOPS` links away are left out.  A keyframe's error is
-the blend of its two nodes' errors plus a bridge between them; the covariance of two keyframes' displacement is taken as
-the blend of the four node pairs' covariances, which is never smaller than that of the blend (variance is convex), plus
-both bridges.
+all their correlations, and with the constant errors of all links and odometries as variables of it.  A keyframe's error
+is the blend of its two nodes' errors plus a bridge between them; the covariance of two keyframes' displacement is taken
+as the blend of the four node pairs' covariances, which is never smaller than that of the blend (variance is convex),
+plus both bridges.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -25,15 +25,16 @@ from wiclosure.types import FloatArray, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, error_sets
+from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, with_constant_errors
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.joint_factors import (
+    JointFactors,
     add_first_guess,
     add_height,
-    add_links,
     frame_factors,
+    link_factors,
     step_factors,
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
@@ -42,10 +43,6 @@ from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # The drift is scaled again where it grew by this factor, at most so often.
 GROWN, MOST_RESCALINGS = 1.2, 5
-
-# Links between them over which systematic errors of measurements count for a robot: those of robots further away
-# add a hundredth of the variance of two robots that meet (at most a twentieth, in a simulated fleet of 49).
-FAR_HOPS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +110,7 @@ class JointEstimate:
             return np.zeros((0, 4, 4)), np.zeros((0, 6, 6))
         node_a, T_node_a, C_a = self._nearest(robot_a, index_a)
         node_b, T_node_b, C_b = self._nearest(robot_b, index_b)
-        T_nodes, C_nodes = self._between_nodes(robot_a, node_a, robot_b, node_b)
+        T_nodes, C_nodes = self._between_nodes(node_a, node_b)
         T_a_node = se3.inverse(T_node_a)
         C_ab = se3.compose_covariance(se3.inverse_covariance(T_node_a, C_a), T_nodes, C_nodes)
         C_ab = se3.compose_covariance(C_ab, T_node_b, C_b)
@@ -138,11 +135,11 @@ class JointEstimate:
     def _number(self) -> dict[str, int]:
         return {robot: number for number, robot in enumerate(self.nodes)}
 
-    def _between_nodes(self, a: str, n: IntArray, b: str, m: IntArray) -> tuple[FloatArray, FloatArray]:
+    def _between_nodes(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
         """`T_n_m` and its covariance, exact to first order, for nodes of two robots."""
         T_n_m = se3.between(self.T_world_node[n], self.T_world_node[m])
         to_n, to_m = (_turned(np.swapaxes(self.T_world_node[i, :3, :3], 1, 2)) for i in (n, m))
-        own_n, own_nm, own_m = self.covariance.of_pairs(self._number[a], n, self._number[b], m)
+        own_n, own_nm, own_m = self.covariance.of_pairs(n, m)
         C_nn = to_n @ own_n @ np.swapaxes(to_n, 1, 2)
         C_mm = to_m @ own_m @ np.swapaxes(to_m, 1, 2)
         C_mn = to_m @ np.swapaxes(own_nm, 1, 2) @ np.swapaxes(to_n, 1, 2)
@@ -216,61 +213,41 @@ def estimate(
     for robot, own in nodes.items():
         add_first_guess(initial, first[robot], own, T_world_odom[robot])
     others = frame_factors(initial, {robot: first[robot] for robot in nodes}, prior)
+    links = {}
     for (a, b), kept in team.links.items():
-        at_a, at_b = team.ends[a, b]
-        add_links(others, kept, first[a] + at_a, first[b] + at_b, robust_threshold)
+        at_a, at_b = first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1]
+        links[a, b] = link_factors(kept, at_a, at_b, robust_threshold)
         sigma_m = kept.height_sigma_m(prior, nodes[a].trajectory, nodes[b].trajectory)
         if sigma_m is not None:
             middle = len(kept) // 2
-            add_height(others, int(first[a] + at_a[middle]), int(first[b] + at_b[middle]), sigma_m)
-    as_modelled = step_factors(nodes, first)
-    values, root = _solved(as_modelled, others, initial)
+            add_height(others, int(at_a[middle]), int(at_b[middle]), sigma_m)
+    factors = JointFactors(step_factors(nodes, first), links, others)
+    as_modelled, values = factors.steps, _optimum(factors, initial)
     # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
     # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
-    scale, steps = 1.0, as_modelled
+    scale = 1.0
     for _ in range(MOST_RESCALINGS):
-        before = scale
-        scale = drift_scale(as_modelled, steps, values, root, robots=len(nodes), prior_weight=drift_weight)
+        before, root = scale, SquareRoot.of(factors.graph.linearize(values))
+        scale = drift_scale(as_modelled, factors.steps, values, root, robots=len(nodes), prior_weight=drift_weight)
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
-        steps = step_factors(scaled, first)
-        values, root = _solved(steps, others, values)
+        factors = replace(factors, steps=step_factors(scaled, first))
+        values = _optimum(factors, values)
         if scale < GROWN * before:
             break
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(values.size())])
-    sets, shift = error_sets(team, of_errors or {}, values, root, robust_threshold)
-    T_world_node = T_world_node @ se3.exp(shift)
-    ends = np.array([*first.values(), values.size()])
-    covariance = JointCovariance(root, ends, T_world_node[:, :3, :3])
-    if sets:
-        covariance = covariance.widened(sets, _near(team))
+    linear = with_constant_errors(team, factors, values, of_errors or {})
+    root = SquareRoot.of(linear)
+    if of_errors:
+        T_world_node = T_world_node @ se3.exp(root.solution[: len(T_world_node)])
+    covariance = JointCovariance(root, np.array([*first.values(), values.size()]), T_world_node[:, :3, :3])
     return JointEstimate(scaled, first, T_world_node, covariance, prior.dimensions)
 
 
-def _solved(
-    odometry: gtsam.NonlinearFactorGraph, others: gtsam.NonlinearFactorGraph, initial: gtsam.Values
-) -> tuple[gtsam.Values, SquareRoot]:
-    """Optimum of all factors, and the root of the information there, each node in its own axes."""
-    graph = gtsam.NonlinearFactorGraph()
-    graph.push_back(odometry)
-    graph.push_back(others)
+def _optimum(factors: JointFactors, initial: gtsam.Values) -> gtsam.Values:
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
     parameters.setOrderingType("METIS")
-    values = gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
-    return values, SquareRoot.of(graph.linearize(values))
-
-
-def _near(team: TeamNodes) -> dict[int, set[tuple[int, int]]]:
-    """By robot, the pairs of robots not far from it, whose constant errors count for it."""
-    import networkx as nx
-
-    number = {robot: n for n, robot in enumerate(team.nodes)}
-    heard = nx.Graph((number[a], number[b]) for a, b in team.links)
-    near = {
-        robot: heard.subgraph(nx.single_source_shortest_path_length(heard, robot, cutoff=FAR_HOPS)).edges
-        for robot in number.values()
-    }
-    return {robot: {(min(pair), max(pair)) for pair in pairs} for robot, pairs in near.items()}
+    return gtsam.LevenbergMarquardtOptimizer(factors.graph, initial, parameters).optimize()
 
 
 def _turned(R: FloatArray) -> FloatArray:

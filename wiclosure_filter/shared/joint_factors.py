@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
 
 import gtsam
 import numpy as np
@@ -14,6 +16,37 @@ from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 ANCHOR_SIGMA = 1e-4  # rad, m: holds the first frame, and is small enough for well-conditioned equations
+
+
+class Measured(Enum):
+    """What a link tells."""
+
+    RANGE = auto()
+    BEARING = auto()
+    HEADING = auto()
+
+
+@dataclass(frozen=True, eq=False)
+class JointFactors:
+    """All factors of the joint estimate.
+
+    Args:
+        steps: between neighbouring nodes.
+        links: of each pair of robots.
+        others: on frames and heights.
+    """
+
+    steps: gtsam.NonlinearFactorGraph
+    links: Mapping[tuple[str, str], gtsam.NonlinearFactorGraph]
+    others: gtsam.NonlinearFactorGraph
+
+    @property
+    def graph(self) -> gtsam.NonlinearFactorGraph:
+        """All of them."""
+        graph = gtsam.NonlinearFactorGraph()
+        for part in (self.steps, self.others, *self.links.values()):
+            graph.push_back(part)
+        return graph
 
 
 def add_first_guess(initial: gtsam.Values, first: int, nodes: GraphNodes, T_world_odom: FloatArray) -> None:
@@ -43,37 +76,45 @@ def frame_factors(initial: gtsam.Values, first: Mapping[str, int], prior: FrameP
     return graph
 
 
-def add_links(
-    graph: gtsam.NonlinearFactorGraph, kept: KeptLinks, key_a: IntArray, key_b: IntArray, robust_threshold: float
-) -> None:
+def measured(kept: KeptLinks) -> Iterator[tuple[int, Measured]]:
+    """Number of each link, and what it tells."""
+    known = np.isfinite([kept.links.range_m, kept.direction.sum(axis=1), kept.links.yaw])
+    for row, told in enumerate(known.T):
+        yield from ((row, kind) for kind, there in zip(Measured, told, strict=True) if there)
+
+
+def link_factors(
+    kept: KeptLinks, key_a: IntArray, key_b: IntArray, robust_threshold: float
+) -> gtsam.NonlinearFactorGraph:
     """Ranges, bearings and headings as separate factors: a false range does not spoil a true bearing.
 
     Args:
-        graph: takes them.
         kept: L links.
         key_a: `(L,)` keys of the nodes at a.
         key_b: those at b.
         robust_threshold: of the Cauchy kernel, in standard deviations.
     """
+    graph = gtsam.NonlinearFactorGraph()
     kernel = gtsam.noiseModel.mEstimator.Cauchy(robust_threshold)
     links = kept.links
     with_yaw = int(np.isfinite(links.yaw).sum())
-    for row in range(len(kept)):
+    for row, kind in measured(kept):
         a, b = int(key_a[row]), int(key_b[row])
         receiver, transmitter = (a, b) if links.a_receives[row] else (b, a)
-        if np.isfinite(links.range_m[row]):
+        if kind is Measured.RANGE:
             sigma = links.range_sigma_m[row]
             robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Isotropic.Sigma(1, sigma))
             graph.add(gtsam.RangeFactorPose3(receiver, transmitter, links.range_m[row], robust))
-        if np.isfinite(kept.direction[row]).all():
+        elif kind is Measured.BEARING:
             graph.add(_bearing(receiver, transmitter, kept.direction[row], kept.direction_covariance[row], kernel))
-        if np.isfinite(links.yaw[row]):
+        else:
             # A compass errs by its surroundings, not anew at each reading: together they count as one.
             sigma = links.yaw_sigma[row] * np.sqrt(with_yaw)
             sigmas = np.array([UNKNOWN_RAD, UNKNOWN_RAD, sigma, UNKNOWN_M, UNKNOWN_M, UNKNOWN_M])
             robust = gtsam.noiseModel.Robust(kernel, gtsam.noiseModel.Diagonal.Sigmas(sigmas))
-            measured = gtsam.Pose3(gtsam.Rot3.Rz(links.yaw[row]), np.zeros(3))
-            graph.add(gtsam.BetweenFactorPose3(a, b, measured, robust))
+            heading = gtsam.Pose3(gtsam.Rot3.Rz(links.yaw[row]), np.zeros(3))
+            graph.add(gtsam.BetweenFactorPose3(a, b, heading, robust))
+    return graph
 
 
 def add_height(graph: gtsam.NonlinearFactorGraph, key_a: int, key_b: int, sigma_m: float) -> None:

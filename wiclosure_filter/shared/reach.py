@@ -73,7 +73,7 @@ class Reach:
         """From a robot's keyframes, its nodes' positions `(n, 3)` and what they depend on, in the shared axes."""
         middle = len(nodes) // 2
         own, d = rows.own, places.positions.shape[1]
-        shape = np.concatenate([_shape(part, nodes, middle) for part in (rows.values, rows.effects)], axis=2)[:, :d]
+        shape = _shape(rows.values, nodes, middle)[:, :d]
         shape_sigma = _sigma(shape @ np.swapaxes(shape, 1, 2))
         starts = np.arange(0, len(places), LEAF)
         ends = np.minimum(starts + LEAF, len(places)) - 1

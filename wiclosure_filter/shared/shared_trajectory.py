@@ -14,7 +14,8 @@ from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.calibrated_links import PriorErrors, errors_of, without_errors
+from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
+from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, errors_of
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks

@@ -63,6 +63,7 @@ class SquareRoot:
         separator: `(S,)` places that the pose of a place depends on, ancestors all.
         response: `(6, 6 S)` how it follows them, `-R_nn^-1 R_ns`.
         remainder: `(K, 6, 6)` the independent rest, `R_nn^-1`.
+        solution: `(K, 6)` the poses' movements that solve the linearised graph.
     """
 
     place: IntArray
@@ -71,6 +72,7 @@ class SquareRoot:
     separator: IntArray
     response: FloatArray
     remainder: FloatArray
+    solution: FloatArray
     _known: Recent[tuple[IntArray, FloatArray]] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     @classmethod
@@ -92,6 +94,7 @@ class SquareRoot:
         separators = [place[own[1:]] for own in keys]
         remainder = np.linalg.inv(np.array([conditional.R() for conditional in conditionals]))
         responses = [-rest @ c.S() for rest, c, own in zip(remainder, conditionals, keys, strict=True) if len(own) > 1]
+        solution = net.optimize()
         return cls(
             place,
             np.array([own.max(initial=-1) for own in separators], np.int64),
@@ -99,6 +102,7 @@ class SquareRoot:
             np.concatenate(separators),
             np.hstack([np.zeros((6, 0)), *responses]),
             remainder,
+            np.array([solution.at(key) for key in range(size)]),
         )
 
     def rows(self, poses: IntArray) -> tuple[FloatArray, IntArray]:
@@ -126,52 +130,6 @@ class SquareRoot:
             known[6 * number : 6 * number + 6, : values.shape[1]] = values
         followed = self.response[:, 6 * self.start[place] : 6 * self.start[place + 1]] @ known
         return np.append(above, place), np.hstack([followed, self.remainder[place]])
-
-    def solved(self, poses: IntArray, pulls: FloatArray) -> tuple[FloatArray, IntArray]:
-        """`R^-T P` for pulls `P (n, 6, p)` at n poses, `(C, 6, p)` where it is not zero, and these places `(C,)`."""
-        places = self.with_ancestors(poses)
-        left = np.zeros((len(places), *pulls.shape[1:]))
-        np.add.at(left, np.searchsorted(places, self.place[poses]), pulls)
-        for number in range(len(places) - 1, -1, -1):  # from the leaves: what a pose follows is pulled with it
-            first, end = self.start[places[number]], self.start[places[number] + 1]
-            followed = self.response[:, 6 * first : 6 * end].T @ left[number]
-            left[np.searchsorted(places, self.separator[first:end])] += followed.reshape(end - first, *pulls.shape[1:])
-        return np.swapaxes(self.remainder[places], 1, 2) @ left, places
-
-    def whitened(self, poses: IntArray, moved: FloatArray) -> tuple[FloatArray, IntArray]:
-        """`R d` for movements `d (n, 6)` of n poses, `(C, 6)` where it is not zero, and these places `(C,)`."""
-        own = self.place[poses]
-        row = np.full(len(self.place), -1)
-        row[own] = np.arange(len(own))
-        entries = np.flatnonzero(row[self.separator] >= 0)
-        follower = np.searchsorted(self.start, entries, side="right") - 1
-        places = np.unique(np.concatenate([own, follower]))
-        left = np.zeros((len(places), 6))
-        left[np.searchsorted(places, own)] = moved
-        response = self.response.reshape(6, -1, 6)[:, entries]
-        followed = np.einsum("iej,ej->ei", response, moved[row[self.separator[entries]]])
-        np.subtract.at(left, np.searchsorted(places, follower), followed)
-        return np.linalg.solve(self.remainder[places], left[:, :, None])[:, :, 0], places
-
-    def following(self, poses: IntArray, left: FloatArray, places: IntArray) -> FloatArray:
-        """Poses' parts `(n, 6, p)` of `R^-1 y`: how they follow what `solved` gives of a pull.
-
-        Args:
-            poses: `(n,)` numbers of poses.
-            left: `(c, 6, p)` of y.
-            places: `(c,)` where that stands; of others y is zero.
-        """
-        wanted = self.place[poses]
-        columns = self.with_ancestors(poses)
-        counts = np.isin(places, columns)
-        found = np.zeros((len(columns), *left.shape[1:]))
-        found[np.searchsorted(columns, places[counts])] = left[counts]
-        found = self.remainder[columns] @ found
-        for number, (first, end) in enumerate(zip(self.start[columns], self.start[columns + 1], strict=True)):
-            if end > first:  # ancestors first
-                above = found[np.searchsorted(columns, self.separator[first:end])]
-                found[number] += self.response[:, 6 * first : 6 * end] @ above.reshape(6 * (end - first), -1)
-        return np.asarray(found[np.searchsorted(columns, wanted)])
 
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.

@@ -16,7 +16,7 @@ from wiclosure.pipeline.data.inputs import GnssInput, ImuInput, Inputs, RobotInp
 from wiclosure.pipeline.runtime.cache import code_digest, file_identity
 from wiclosure.pipeline.runtime.settings_text import explain, nested_words
 from wiclosure.simulation.scenario import Scenario
-from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 
 PREFIX = "scenario:"
 

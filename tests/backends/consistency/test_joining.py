@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
-from wiclosure.backends.consistency.joining import joined_groups
+from wiclosure.backends.consistency.joining import connect, joined_groups
 from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
@@ -46,7 +46,8 @@ class Four:
         return CandidateSet(a, b, rows, comparison.consistent_sets(LIMIT)[0], comparison)
 
     def joined(self, *holding):
-        return joined_groups(self.robots, np.arange(4), self.settled, holding, LIMIT)
+        group, poses, joining = joined_groups(self.robots, np.arange(4), self.settled, holding, LIMIT)
+        return group, poses, np.concatenate([c.rows for c in joining])
 
 
 def assert_rigid(four, poses, members):
@@ -99,3 +100,12 @@ def test_of_two_sets_of_one_pair_the_better_supported_joins():
     _, poses, rows = four.joined(false, true)
     assert_rigid(four, poses, [0, 1])
     assert rows.tolist() == [0, 1, 2]
+
+
+def test_groups_stay_joined_by_the_sets_that_stand():
+    four = Four(5)
+    chain = four.candidate(0, 1, 3), four.candidate(1, 2, 3), four.candidate(0, 2, 3)
+    before, after = np.arange(4), np.array([0, 0, 0, 3])
+    assert connect(chain, before, after)
+    assert connect(chain[1:], before, after)
+    assert not connect(chain[:1], before, after)

@@ -10,7 +10,7 @@ from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
 from wiclosure.backends.sets.candidate_sets import LEAST_COVERAGE
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between
+from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between, stands
 
 SIGMA = np.repeat([0.01, 0.05], 3)
 SETTINGS = MergeSettings(agree_limit=float(chi2.ppf(0.99, 6)))
@@ -123,3 +123,21 @@ def test_neighbouring_closures_count_as_one_place():
     (one_passes,) = sets([(0, 5, 1, 12 * n) for n in range(3)])
     assert (beside.places, apart.places, one_passes.places) == (1, 3, 3)
     assert beside.weight < apart.weight
+
+
+@pytest.mark.parametrize(("left", "holds"), [(8, True), (6, True), (1, False), (0, False)])
+def test_what_an_estimate_leaves_of_a_set_is_judged_as_a_set(left, holds):
+    robots, estimate, _ = team(spread(8))
+    (found,) = sets_between(robots, np.arange(8), np.arange(2), estimate, SETTINGS)
+    assert stands(robots, found, np.arange(8) < left, np.arange(2), estimate, SETTINGS.min_size) == holds
+
+
+def test_three_closures_at_any_places_are_no_single_place_in_all_but_one_of_two_hundred():
+    """Long closures: views reach as far, so that only the share of the paths that they span tells."""
+    refused, rng = 0, np.random.default_rng(1)
+    for _ in range(400):
+        robots, estimate, _ = team([(0, int(i), 1, int(j)) for i, j in rng.integers(0, NODES, (3, 2))])
+        refused += any(
+            "look-alike" in c.objection for c in sets_between(robots, np.arange(3), np.arange(2), estimate, SETTINGS)
+        )
+    assert refused <= 8

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.simulation.ground import rough_ground
-from wiclosure.simulation.imu import ImuSettings, simulate_imu
-from wiclosure.simulation.motion import START_NS, MotionSettings, drive
+from wiclosure.simulation.sensors.imu import ImuSettings, simulate_imu
+from wiclosure.simulation.world.ground import rough_ground
+from wiclosure.simulation.world.motion import START_NS, MotionSettings, drive
 from wiclosure.types import Trajectory
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from wiclosure.frontends.inertial.gravity import fit_gravity, level_rotation, up_at_keyframes
 from wiclosure.frontends.inertial.windows import windows_along
-from wiclosure.simulation.imu import ImuSettings, simulate_imu
+from wiclosure.simulation.sensors.imu import ImuSettings, simulate_imu
 
 
 def tilt_rms_deg(up, keyframes_world):

@@ -16,7 +16,7 @@ from wiclosure.pipeline.cli.simulate import ScenarioOptions
 from wiclosure.pipeline.data.dataset import load_dataset
 from wiclosure.pipeline.data.scenarios.scenario_source import scenario_settings
 from wiclosure.simulation import make_scenario
-from wiclosure.simulation.radio import RadioSettings
+from wiclosure.simulation.sensors.radio import RadioSettings
 
 
 def radio(world: ScenarioOptions) -> RadioSettings:

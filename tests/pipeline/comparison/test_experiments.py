@@ -8,7 +8,7 @@ import pytest
 
 from wiclosure.pipeline.comparison.experiments import EXPERIMENTS
 from wiclosure.pipeline.presets import preset_names
-from wiclosure.simulation.scenarios import SCENARIOS
+from wiclosure.simulation.scenarios.registry import SCENARIOS
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

@@ -10,7 +10,7 @@ from wiclosure.errors import ConfigError
 from wiclosure.pipeline.comparison.plan import Plan, World, recorded_worlds, require_each_once, scenario_worlds
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
-from wiclosure.simulation.scenarios import ScenarioSettings
+from wiclosure.simulation.scenarios.registry import ScenarioSettings
 from wiclosure.types import WirelessLog
 
 NOTHING = Inputs((), WirelessLog())

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
-from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 from wiclosure.types import Trajectory, WirelessLog
 
 

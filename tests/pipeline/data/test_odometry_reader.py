@@ -148,7 +148,7 @@ def test_a_recorded_drive_goes_where_its_own_odometry_says(
 
 def test_clouds_are_deskewed_along_the_recorded_way(tmp_path: Path) -> None:
     from wiclosure.frontends.config import OdometrySettings
-    from wiclosure.frontends.recorded_odometry import RecordedOdometry
+    from wiclosure.frontends.odometry.recorded_odometry import RecordedOdometry
 
     rng = np.random.default_rng(0)
     world = rng.uniform(-20, 20, (5000, 3))

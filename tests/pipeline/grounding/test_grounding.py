@@ -16,10 +16,10 @@ from wiclosure.frontends.front_end_result import Descriptors, FrontEndCounts, Fr
 from wiclosure.pipeline.config import EarthSettings
 from wiclosure.pipeline.data.inputs import GnssInput, ImuInput, Inputs, RobotInput
 from wiclosure.pipeline.grounding.grounding import earth_metrics, grounded
-from wiclosure.simulation.gnss import GnssSettings, simulate_gnss
-from wiclosure.simulation.ground import rough_ground
-from wiclosure.simulation.imu import ImuSettings, simulate_imu
-from wiclosure.simulation.motion import START_NS, MotionSettings, drive
+from wiclosure.simulation.sensors.gnss import GnssSettings, simulate_gnss
+from wiclosure.simulation.sensors.imu import ImuSettings, simulate_imu
+from wiclosure.simulation.world.ground import rough_ground
+from wiclosure.simulation.world.motion import START_NS, MotionSettings, drive
 from wiclosure.types import WirelessLog
 
 TILT = se3.from_rotation_translation(Rotation.from_euler("xy", [20, -12], degrees=True).as_matrix(), np.zeros(3))

@@ -15,7 +15,7 @@ from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair, places
 from wiclosure.pipeline.mutual_check.odds import Verdict
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,
     FloatArray,

@@ -13,13 +13,13 @@ from wiclosure.colours import robot_colour
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.report.plan_view import draw_plan
-from wiclosure.simulation.ground import rough_ground
-from wiclosure.simulation.lidar import lidar_model
-from wiclosure.simulation.mesh import box, pole
-from wiclosure.simulation.motion import MotionSettings, drive
-from wiclosure.simulation.radio import RadioSettings
 from wiclosure.simulation.scenario import Scenario
-from wiclosure.simulation.scene import SceneBuilder
+from wiclosure.simulation.sensors.lidar import lidar_model
+from wiclosure.simulation.sensors.radio import RadioSettings
+from wiclosure.simulation.world.ground import rough_ground
+from wiclosure.simulation.world.mesh import box, pole
+from wiclosure.simulation.world.motion import MotionSettings, drive
+from wiclosure.simulation.world.scene import SceneBuilder
 
 SOLID, SLIGHT = "#777777", "#8cbf8c"
 

@@ -15,7 +15,7 @@ from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import Prepared, candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_result import RunResult
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Scan, Stage, Trajectory, WirelessMeasurement
 
 pytestmark = pytest.mark.slow

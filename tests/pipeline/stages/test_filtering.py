@@ -18,7 +18,7 @@ from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
 from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline import cli
 from wiclosure.pipeline.report.html.page import read_page
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog
 
 Call = Callable[..., tuple[int, str, str]]

@@ -8,7 +8,6 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.shared.independent_errors import ErrorSet
 from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
@@ -71,7 +70,7 @@ def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
         own = np.arange(FIRST[robot], FIRST[robot + 1])
         np.testing.assert_allclose(got.of_robot(robot).own, whole[own, :, own], rtol=1e-8, atol=1e-12)
     n, m = np.array([0, 5, 5, 8]), np.array([10, 9, 15, 10])
-    for block, expected in zip(got.of_pairs(0, n, 1, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
+    for block, expected in zip(got.of_pairs(n, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
         np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(table(got, 0, 1)[2, 1], displacement(whole, 2, 10), rtol=1e-8)
     np.testing.assert_allclose(table(got, 1, 2)[6, 0], displacement(whole, 15, 16), rtol=1e-8)
@@ -87,50 +86,12 @@ def test_chains_have_the_blocks_of_neighbours(links: list[tuple[int, int]]) -> N
         np.testing.assert_allclose(following[key], whole[key, :, key + 1], rtol=1e-8, atol=1e-12)
 
 
-def test_systematic_errors_add_what_they_pull() -> None:
-    """Covariance C becomes C + C P P^T C for two robots that both count the errors, and stays C for others."""
-    graph = graph_of(LINKS[0])
-    rng = np.random.default_rng(1)
-    pulls = {(0, 1): {2: rng.normal(size=(6, 2)), 11: rng.normal(size=(6, 2))}, (1, 2): {17: rng.normal(size=(6, 2))}}
-    plain = JointCovariance(SquareRoot.of(graph), FIRST, axes())
-    sets = {}
-    for pair, of_poses in pulls.items():
-        solved, places = plain.root.solved(np.array(list(of_poses)), np.array(list(of_poses.values())))
-        sets[pair] = ErrorSet.of(places, solved, np.eye(solved.shape[2]))
-    wide = plain.widened(sets, {0: {(0, 1), (1, 2)}, 1: {(0, 1), (1, 2)}, 2: set()})
-    turn, C = both(axes()), inverse(graph)
-    P = np.zeros((FIRST[-1], 6, 4))
-    P[2, :, :2], P[11, :, :2], P[17, :, 2:] = pulls[0, 1][2], pulls[0, 1][11], pulls[1, 2][17]
-    moved = np.einsum("nimj,mjp->nip", C, P)
-    whole = np.einsum("nij,njmk,mlk->niml", turn, C + np.einsum("nip,mjp->nimj", moved, moved), turn)
-    np.testing.assert_allclose(table(wide, 0, 1)[3, 4], displacement(whole, 3, 13), rtol=1e-8)
-    np.testing.assert_allclose(wide.of_robot(0).own[4], whole[4, :, 4], rtol=1e-8)
-    np.testing.assert_array_equal(table(wide, 0, 2), table(plain, 0, 2))
-
-
-def test_poses_follow_a_pull_by_their_covariance() -> None:
+def test_the_solution_is_that_of_the_graph() -> None:
     graph = graph_of(LINKS[1])
-    root, pull = SquareRoot.of(graph), np.random.default_rng(2).normal(size=(2, 6, 1))
-    solved, places = root.solved(np.array([4, 15]), pull)
-    expected = np.einsum("nimj,mj->ni", inverse(graph)[:, :, [4, 15]], pull[:, :, 0])
-    found = root.following(np.arange(FIRST[-1]), solved, places)[:, :, 0]
-    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-12)
-    some = np.array([16, 3, 3])
-    np.testing.assert_array_equal(root.following(some, solved, places)[:, :, 0], found[some])
-
-
-def test_an_error_may_move_one_robot_alone() -> None:
-    """A scaled odometry moves its poses; in the root's columns this is a small difference of large numbers."""
-    plain = JointCovariance(SquareRoot.of(graph_of(LINKS[0])), FIRST, axes())
-    moved = np.zeros((CHAINS[0], 6))
-    moved[:, 3] = np.arange(CHAINS[0])
-    effects, places = plain.root.whitened(np.arange(CHAINS[0]), moved)
-    wide = plain.widened(
-        {(0, 1): ErrorSet.of(places, effects[:, :, None], 4.0 * np.eye(1))}, {0: {(0, 1)}, 1: {(0, 1)}}
-    )
-    added = wide.of_robot(0).own - plain.of_robot(0).own
-    np.testing.assert_allclose(np.trace(added, axis1=1, axis2=2), 4.0 * np.arange(CHAINS[0]) ** 2, atol=1e-6)
-    np.testing.assert_allclose(wide.of_robot(1).own, plain.of_robot(1).own, rtol=1e-5)
+    pull = np.random.default_rng(2).normal(size=6)
+    graph.add(gtsam.JacobianFactor(4, np.eye(6), pull, gtsam.noiseModel.Unit.Create(6)))
+    expected = np.einsum("nij,j->ni", inverse(graph)[:, :, 4], pull)
+    np.testing.assert_allclose(SquareRoot.of(graph).solution, expected, rtol=1e-8, atol=1e-12)
 
 
 def test_undetermined_poses_are_an_error() -> None:

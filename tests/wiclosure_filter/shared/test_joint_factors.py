@@ -15,8 +15,8 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, NodeSpacing
 from wiclosure.wiclosure_filter.shared.joint_factors import (
     add_first_guess,
-    add_links,
     frame_factors,
+    link_factors,
     step_factors,
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
@@ -38,9 +38,7 @@ def link_graph(measurement: WirelessMeasurement, headings: tuple[Heading, ...] =
     log = WirelessLog((measurement,), headings)
     links = TeamLinks.of(team, log, GatheringLimits.of(AlignmentSettings())).by_pair["a", "b"]
     kept = KeptLinks.of(AlignmentHypothesis(T_A_B, 0.0, ((0, 0 if measurement.paths else -1),)), links)
-    graph = gtsam.NonlinearFactorGraph()
-    add_links(graph, kept, np.array([0]), np.array([1]), robust_threshold=1e6)
-    return graph
+    return link_factors(kept, np.array([0]), np.array([1]), robust_threshold=1e6)
 
 
 @pytest.mark.parametrize("receiver", ["a", "b"])

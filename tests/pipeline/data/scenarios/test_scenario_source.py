@@ -21,7 +21,7 @@ from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation import Scenario, make_scenario
-from wiclosure.simulation.motion import MotionSettings, drive
+from wiclosure.simulation.world.motion import MotionSettings, drive
 
 CONFIG = load_config("small-site", overrides=["odometry.num_threads=1"])
 

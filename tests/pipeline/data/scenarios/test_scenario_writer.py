@@ -14,7 +14,7 @@ from wiclosure.pipeline.data.scenarios.scenario_writer import RECORDERS, require
 from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.pipeline.runtime.progress import CallbackProgress, NoProgress
 from wiclosure.simulation.scenario import Scenario
-from wiclosure.simulation.scenarios import ScenarioSettings, make_scenario
+from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 from wiclosure.workers import ThisProcess
 
 

@@ -15,7 +15,7 @@ from wiclosure.errors import InputError
 from wiclosure.pipeline.radio.check.check import CheckResult, check_log
 from wiclosure.pipeline.radio.check.range_fit import fit_ranges
 from wiclosure.pipeline.radio.source import RadioSource
-from wiclosure.simulation.radio import RadioSettings, simulate_wireless_from_poses
+from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 
 START_S = 1_700_000_000

@@ -1,0 +1,1 @@
+"""Following a robot's scans from one to the next."""

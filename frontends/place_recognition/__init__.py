@@ -1,0 +1,1 @@
+"""Which keyframes look as if they saw the same place."""

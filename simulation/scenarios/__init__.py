@@ -1,0 +1,1 @@
+"""The scenarios: each a world, robots and the paths that they drive."""

@@ -1,0 +1,1 @@
+"""What robots in a simulated world measure: LiDAR, IMU, GNSS, radio."""

@@ -1,0 +1,1 @@
+"""What there is in a simulated world, and what moves in it."""
