@@ -14,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from wiclosure import se3
+from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
@@ -165,8 +166,10 @@ def _found(
             return _Found()
         blind = tuple(register_blindly(outcome.pair, contradicting))
         pools = [blind]
+    # What a published threshold calls consistent would make evidence of what agrees by chance.
+    judged_by = PcmSettings(noise=config.pcm.noise) if config.pcm.published else config.pcm
     for pool in pools:
-        agreeing = survivors(pairwise_consistent(pool, both, config.pcm).closures, Stage.CONSISTENCY)
+        agreeing = survivors(pairwise_consistent(pool, both, judged_by).closures, Stage.CONSISTENCY)
         if len(agreeing) > 1:
             others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
             return _Found(agreeing, others, blind, _gap(outcome.kept, agreeing, config.registration))

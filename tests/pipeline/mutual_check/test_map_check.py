@@ -85,6 +85,8 @@ FAULTS = {
     "in feet": longer(3.28, 0.0),
     "ranges are 3.0 m too long": longer(1.0, 3.0),
     "s ahead": each(lambda m: replace(m, transmitter_stamp_ns=m.stamp_ns + (2 if m.receiver == "b" else -2) * 10**9)),
+    "ahead of those of the scans": each(lambda m: replace(m, stamp_ns=m.stamp_ns + 3 * 10**9)),
+    "twice the distance": longer(2.0, 0.0),
     "in body axes": each(lambda m: replace(m, aoa_frame="odometry")),
     "names seem to be swapped": each(lambda m: replace(m, receiver=m.transmitter, transmitter=m.receiver)),
     "10 times too small": each(lambda m: replace(m, range_sigma_m=(m.range_sigma_m or 1.0) / 10)),
