@@ -205,7 +205,7 @@ def _connection_report(groups: Sequence[Sequence[str]], kept: int, considered: i
     """Sentences: what was rejected, and which robots could not be placed."""
     sentences = [f"the estimate rejected {considered - kept} of {considered} closures"] if kept < considered else []
     for group in groups[1:]:
-        names, verb = listed(group), "stays" if len(group) == 1 else "stay"
+        names, stays = listed(group), "it stays" if len(group) == 1 else "they stay"
         frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
-        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {verb} in {frame}")
+        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {stays} in {frame}")
     return tuple(sentences)
