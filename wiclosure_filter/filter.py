@@ -27,9 +27,10 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.faults.cycles import Cycles, contradictions
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.rereading import reread
-from wiclosure.wiclosure_filter.faults.team import NameOrders, contradictions
+from wiclosure.wiclosure_filter.faults.team import NameOrders
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
@@ -139,6 +140,8 @@ class WiClosureFilter:
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
         for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
             alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
+        cycles = Cycles(alignments, links, trajectories, settings.drift_inflation)
+        alignments |= cycles.without_refuted_readings(settings.guard.min_odds)
         orders = NameOrders.of(alignments, trajectories, wireless, settings)
         mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
         for pair, alignment in list(alignments.items()):

@@ -13,8 +13,9 @@ import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
+from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
+from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
 from wiclosure.backends.sets.alignment import ClosureComparison
@@ -57,7 +58,7 @@ class MergedGroups:
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
-    everything = _everything(robots)
+    everything = by_all_own_loops(robots)
     if settings.most_scale <= 1:
         return _merged(robots, settings, everything, 1.0)
     merged = _under_one_factor(robots, settings, everything)
@@ -66,15 +67,9 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         if factors is None:
             break
         restated = robots.scaled(factors)
-        merged = _under_one_factor(restated, settings, _everything(restated))
+        merged = _under_one_factor(restated, settings, by_all_own_loops(restated))
         merged.factors = merged.factors * factors
     return merged
-
-
-def _everything(robots: Robots) -> Settled:
-    """Each robot by all of its own loops."""
-    own = robots.own
-    return settle(robots.odometry, robots.loops, own, own, robots.poses, robots.first_nodes, np.inf)
 
 
 def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
@@ -104,11 +99,11 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
     known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
     if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
-        as_stated = _own(robots, everything, limit)
+        as_stated = by_own_inliers(robots, everything, limit)
         fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
         if fitting is not None and fitting <= sigma_scale.NO_MATTER:
             wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
-            under_wider = _own(robots.scaled(wider), everything.scaled(wider), limit)
+            under_wider = by_own_inliers(robots.scaled(wider), everything.scaled(wider), limit)
             if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
                 return sigma_scale.settled(fitting, most)
     for _ in range(REFINEMENTS):
@@ -117,14 +112,14 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
         before, scale = scale, sigma_scale.settled(known, most)
         if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
             return scale
-        by_itself = _own(robots.scaled(scale), everything.scaled(scale), limit)
+        by_itself = by_own_inliers(robots.scaled(scale), everything.scaled(scale), limit)
         left = sigma_scale.of_residuals(by_itself.redundant, robots.degrees)
         if left is None:
             break
         known = scale * left
     if known is not None:
         return scale
-    settled = _own(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
+    settled = by_own_inliers(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
     alone = np.arange(robots.count)
     widest = settings.agree_limit * (2.0 * most) ** 2
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
@@ -132,20 +127,10 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
 
 
-def _own(robots: Robots, everything: Settled, limit: float) -> Settled:
-    """Each robot by its own loops: all of them, where none contradicts the others."""
-    own = robots.own
-    if not (everything.distance[own] > limit).any():
-        return everything
-    inlier = own.copy()
-    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), [robots.poses], robots.first_nodes, limit)
-    return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)
-
-
 def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
     """Round after round."""
     limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
-    group, settled = np.arange(robots.count), _own(robots, everything.scaled(scale), limit)
+    group, settled = np.arange(robots.count), by_own_inliers(robots, everything.scaled(scale), limit)
     of_robots: list[CandidateSet] | None = None
     torn = np.zeros(len(robots.loops), bool)  # closures of sets of which too little was left
     while True:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from itertools import chain, islice
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
@@ -20,14 +21,15 @@ from wiclosure.workers import ThisProcess, Workers, at_work
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+AHEAD = 3  # items for each process that are there before it is done
 _LISTEN_S = 0.2
 
 
 class Processes:
-    """Fresh processes on this machine, for each call anew.
+    """Fresh processes on this machine: started when there is work, and kept until this object is gone.
 
     Args:
-        count: how many.
+        count: how many at most.
     """
 
     costs = None
@@ -35,30 +37,35 @@ class Processes:
 
     def __init__(self, count: int) -> None:
         self.count = count
+        self._pool: _Pool | None = None
 
     def each(
         self,
         work: Callable[[_Item], _Result],
-        items: Sequence[_Item],
+        items: Iterable[_Item],
         *,
         named: Callable[[_Item], str] = str,
         told: Callable[..., None] | None = None,
     ) -> Generator[tuple[int, _Result], None, None]:
         """See `wiclosure.workers.Workers`; ending early tells the processes to end, see `require_wanted`."""
-        if not items:
+        numbered = enumerate(items)
+        if (first := next(numbered, None)) is None:
             return
-        with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
-            news: SimpleQueue[tuple[Any, ...]] = get_context("spawn").SimpleQueue()
-        with _side_by_side(work, items, min(self.count, len(items)), news) as futures:
-            number, waiting = {future: n for n, future in enumerate(futures)}, set(futures)
-            while waiting:
-                done, waiting = wait(waiting, timeout=_LISTEN_S, return_when=FIRST_COMPLETED)
-                while not news.empty():
-                    heard = news.get()
+        left, running = chain([first], numbered), dict[Future[_Result], int]()
+        pool, self._pool = self._pool or _Pool(self.count), None
+        with pool.ended_on_error():
+            while True:
+                for number, item in islice(left, AHEAD * self.count - len(running)):
+                    running[pool.submitted(work, item)] = number
+                if not running:
+                    break
+                done, _ = wait(running, timeout=_LISTEN_S, return_when=FIRST_COMPLETED)
+                for heard in pool.news():
                     if told is not None:
                         told(*heard)
-                for future in sorted(done, key=number.__getitem__):
-                    yield number[future], future.result()
+                for future in sorted(done, key=running.__getitem__):
+                    yield running.pop(future), future.result()
+        self._pool = pool
 
 
 def local_workers(jobs: int) -> Workers:
@@ -66,50 +73,54 @@ def local_workers(jobs: int) -> Workers:
     return ThisProcess() if jobs == 1 else Processes(jobs)
 
 
-@contextmanager
-def _side_by_side(
-    work: Callable[[_Item], _Result], items: Iterable[_Item], jobs: int, news: SimpleQueue[tuple[Any, ...]]
-) -> Iterator[list[Future[_Result]]]:
-    """Every item is worked on in one of `jobs` fresh processes; entering gives what to wait for, in the items' order.
+class _Pool:
+    """Up to `count` fresh processes, what tells them to end, and the news that they send."""
 
-    Leaving with an exception, an interruption too, tells the processes to end.
-    """
-    # Forked processes would inherit locks that other libraries' threads hold.
-    fresh = get_context("spawn")
-    with interrupts_ignored():
-        unwanted, others = fresh.Event(), set(active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_begin, initargs=(unwanted, news))
-    try:
-        yield _submitted(pool, work, items)
-    except BaseException as error:
-        # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
-        unwanted.set()
-        if isinstance(error, BrokenProcessPool):
-            # The pool ends those that it knows of when one dies, and waits for one that just starts.
-            for started in set(active_children()) - others:
-                started.terminate()
-            raise ProcessError(
-                "a process at work was killed; where memory is short, work with fewer at a time (-j)"
-            ) from None
-        raise
-    finally:
-        with interrupts_ignored():  # impatience would leave workers behind
-            pool.shutdown(cancel_futures=True)
+    def __init__(self, count: int) -> None:
+        # Forked processes would inherit locks that other libraries' threads hold.
+        fresh = get_context("spawn")
+        with interrupts_ignored():  # a queue is the first to need the process that tidies up after all others
+            self._news: SimpleQueue[tuple[Any, ...]] = fresh.SimpleQueue()
+            self._unwanted, self._others = fresh.Event(), set(active_children())
+        begun_with = (self._unwanted, self._news)
+        self._executor = ProcessPoolExecutor(count, mp_context=fresh, initializer=_begin, initargs=begun_with)
 
+    def submitted(self, work: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
+        """Starts a process for it where all are at work and there may be more.
 
-def _submitted(
-    pool: ProcessPoolExecutor, work: Callable[[_Item], _Result], items: Iterable[_Item]
-) -> list[Future[_Result]]:
-    """Starts the pool's processes.
+        Raises:
+            BrokenProcessPool: one died, or could not be started.
+        """
+        try:
+            with interrupts_ignored():
+                return self._executor.submit(work, item)
+        except (OSError, ValueError) as error:  # what comes of one that dies while the next is given its pipes
+            raise BrokenProcessPool("a process could not be started") from error
 
-    Raises:
-        BrokenProcessPool: one died, or could not be started.
-    """
-    try:
-        with interrupts_ignored():
-            return [pool.submit(work, item) for item in items]
-    except (OSError, ValueError) as error:  # what comes of one that dies while the next is given its pipes
-        raise BrokenProcessPool("a process could not be started") from error
+    def news(self) -> Iterator[tuple[Any, ...]]:
+        """What was told so far."""
+        while not self._news.empty():
+            yield self._news.get()
+
+    @contextmanager
+    def ended_on_error(self) -> Iterator[None]:
+        """Leaving with an exception, an interruption too, tells the processes to end."""
+        try:
+            yield
+        except BaseException as error:
+            # Not terminated: one that dies while it sends a result leaves the pool waiting for the rest of it.
+            self._unwanted.set()
+            if isinstance(error, BrokenProcessPool):
+                # The pool ends those that it knows of when one dies, and waits for one that just starts.
+                for started in set(active_children()) - self._others:
+                    started.terminate()
+            with interrupts_ignored():  # impatience would leave workers behind
+                self._executor.shutdown(cancel_futures=True)
+            if isinstance(error, BrokenProcessPool):
+                raise ProcessError(
+                    "a process at work was killed; where memory is short, work with fewer at a time (-j)"
+                ) from None
+            raise
 
 
 _FROM_TERMINAL = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))

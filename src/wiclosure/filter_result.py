@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from wiclosure import se3
@@ -83,8 +83,15 @@ class Calibration:
         told = max(1.0 - (self.sigma / self.prior_sigma) ** 2, 1e-6)
         return self.value / told, self.sigma / math.sqrt(told)
 
+    @property
+    def told(self) -> bool:
+        """Whether the measurements tell it at all: better than within ten times its usual size."""
+        return self.measured[1] < _BLUNDER * self.prior_sigma
+
     def __str__(self) -> str:
         (value, sigma), unit = self.measured, self.unit
+        if not self.told:
+            return f"{self.name}: not told by the measurements"
         if unit in {"rad", ""}:
             factor, unit = (180 / math.pi, "degrees") if unit else (100.0, "%")
             value, sigma = factor * value, factor * sigma
@@ -151,6 +158,22 @@ class FrameAlignment:
     corrections: tuple[str, ...] = ()
     strain: float = 0.0
     strain_probability: float = 1.0
+
+    @property
+    def only_blunders(self) -> bool:
+        """Whether all that speaks against it is that blunders would fit as well."""
+        return bool(self.likely_alternatives) and all(other.blunder for other in self.likely_alternatives)
+
+    def certain_after_all(self, because: str) -> FrameAlignment:
+        """The same without its doubts, and why these are gone."""
+        return replace(
+            self,
+            ambiguous=False,
+            reason=because if self.fit is None else f"{self.fit!r}; {because}",
+            likely_alternatives=(),
+            best_alternative=None,
+            suspected_fault="",
+        )
 
     def __repr__(self) -> str:
         verdict = "ambiguous" if self.ambiguous else "certain"

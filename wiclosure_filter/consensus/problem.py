@@ -23,11 +23,13 @@ class PairOdometry:
     Args:
         a, b: the trajectories.
         inflation: factor on their standard deviations, since drift models are optimistic.
+        scale: standard deviation of each one's scale.
     """
 
     a: Trajectory
     b: Trajectory
     inflation: float
+    scale: float = 0.0
 
     def drift_from(self, anchor: int, observations: Observations) -> tuple[FloatArray, FloatArray]:
         """How far a rigid transform that is right at one measurement may be off at the others, see `drift_since`."""
@@ -45,14 +47,16 @@ class PairOdometry:
 
         Returns:
             Standard deviations `(M,)` of the horizontal position (m) and of the yaw (rad) of the robots relative to
-            each other, by the drift of both since then.
+            each other, by the drift of both since then, and by their scales.
         """
         position_variance, yaw_variance = np.zeros(len(observations)), np.zeros(len(observations))
         for trajectory, at, index in ((self.a, at_a, observations.index_a), (self.b, at_b, observations.index_b)):
             covariance = trajectory.relative_covariance(np.broadcast_to(at, len(index)), index)
-            position_variance += (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
-            yaw_variance += covariance[:, 2, 2]
-        return self.inflation * np.sqrt(position_variance), self.inflation * np.sqrt(yaw_variance)
+            moved = np.linalg.norm((trajectory.positions[index] - trajectory.positions[at])[:, :2], axis=1)
+            position_variance += self.inflation**2 * (covariance[:, 3, 3] + covariance[:, 4, 4]) / 2
+            position_variance += (self.scale * moved) ** 2
+            yaw_variance += self.inflation**2 * covariance[:, 2, 2]
+        return np.sqrt(position_variance), np.sqrt(yaw_variance)
 
     def covariance_a(self, i: IntArray, j: IntArray) -> FloatArray:
         """`(M, 6, 6)` of a's motion between keyframes, inflated; see `Trajectory.relative_covariance`."""
@@ -94,7 +98,7 @@ class AlignmentProblem:
         if settings.gravity_aligned and not observations.tells_height:
             sigma_m = height_sigma_m(a, b, observations.typical_distance_m, settings)
         prior = Prior.of(observations, use_headings=knowledge == "heading", height_sigma_m=sigma_m)
-        odometry = PairOdometry(a, b, settings.drift_inflation)
+        odometry = PairOdometry(a, b, settings.drift_inflation, settings.calibration.scale)
         return cls(observations, odometry, settings.radio, prior, knowledge, partner)
 
     def anchored_at(self, anchor: int) -> tuple[Mixture, tuple[FloatArray, FloatArray]]:

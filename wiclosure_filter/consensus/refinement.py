@@ -19,6 +19,7 @@ from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, 
 _FIRST_STEPS = 5
 _LAST_STEPS = 15
 SAME_PEAK_M = 0.3
+_APART_FRACTION = 0.15  # of the robots' distance: alignments nearer than this are one, see `same_place_fraction`
 _DAMPING = 1e-3
 _CONVERGED = 1e-7
 
@@ -106,10 +107,20 @@ class Peaks:
 
 
 def climb(states: FloatArray, mixture: Mixture, prior: Prior, finalists: int = 6) -> Peaks:
-    """Refines states `(N, 4)` to the nearest peaks; only the `finalists` most promising go all the way."""
-    climbed = _steps(states, mixture, prior, _FIRST_STEPS)
-    finalist = climbed.distinct(mixture.observations).states[:finalists]
-    return _steps(finalist, mixture, prior, _LAST_STEPS)
+    """Refines states `(N, 4)` to the nearest peaks; only the `finalists` most promising go all the way.
+
+    As many again go all the way that lie apart from each other: the most promising may all be on one long ridge.
+    """
+    observations = mixture.observations
+    climbed = _steps(states, mixture, prior, _FIRST_STEPS).distinct(observations)
+    apart = first_distinct(
+        len(climbed),
+        lambda row: displacement_m(climbed.states, climbed.states[row], observations),
+        _APART_FRACTION * observations.typical_distance_m,
+        limit=finalists,
+    )
+    rows = np.union1d(np.arange(min(finalists, len(climbed))), apart)
+    return _steps(climbed.states[rows], mixture, prior, _LAST_STEPS)
 
 
 def _steps(states: FloatArray, mixture: Mixture, prior: Prior, count: int) -> Peaks:

@@ -30,7 +30,7 @@ _LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
 def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
     """Whether a correction may explain more: not where all that is wrong is that blunders would fit just as well."""
     others, best = alignment.likely_alternatives, alignment.best
-    if others and best is not None and all(other.blunder for other in others):
+    if alignment.only_blunders and best is not None:
         return bool(max(other.log_likelihood for other in others) - best.log_likelihood > LIKELIER)
     return bool(alignment.suspected_fault) or alignment.strain_probability < STRAINED
 

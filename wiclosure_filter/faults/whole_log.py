@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TypeAlias
 
 from wiclosure.types import FrameAlignment
@@ -58,18 +57,8 @@ def without_refuted(
     heard_rightly = set().union(*(_receivers(links[pair]) for pair in certain))
     found = {}
     for pair, alignment in alignments.items():
-        others = alignment.likely_alternatives
-        blundered = bool(others) and all(other.blunder for other in others)
-        if blundered and pair not in faults and _receivers(links[pair]) <= heard_rightly:
-            reason = f"{alignment.fit!r}; other robots rule out that the log is wrong" if alignment.fit else ""
-            found[pair] = replace(
-                alignment,
-                ambiguous=False,
-                reason=reason,
-                likely_alternatives=(),
-                best_alternative=None,
-                suspected_fault="",
-            )
+        if alignment.only_blunders and pair not in faults and _receivers(links[pair]) <= heard_rightly:
+            found[pair] = alignment.certain_after_all("other robots rule out that the log is wrong")
     return found
 
 

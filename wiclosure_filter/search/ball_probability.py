@@ -13,7 +13,7 @@ import numpy as np
 from wiclosure.types import FloatArray
 
 NODES = 24  # absolute error below 1e-4 for standard deviations from a thousandth to ten times the radius, see tests
-WIDTH = 6.5  # standard deviations beyond which the outer Gaussian is zero to 1e-10
+WIDTH = 6.5  # standard deviations beyond which a Gaussian is zero to 1e-9
 CHUNK = 20_000  # displacements at a time: NODES times as many numbers stay in the cache
 
 
@@ -31,12 +31,13 @@ def probability_within(mean: FloatArray, covariance: FloatArray, radius: float) 
     variance, axes = principal_axes(covariance)
     along = np.einsum("mij,mi->mj", axes, mean)
     sigma = np.sqrt(variance)
-    result = np.empty(len(mean))
+    result = np.ones(len(mean))
     within = _within_disc if mean.shape[1] == 2 else _within_ball
     size = CHUNK if mean.shape[1] == 2 else CHUNK // NODES
-    for start in range(0, len(mean), size):
-        rows = slice(start, start + size)
-        result[rows] = within(along[rows], sigma[rows], np.full(len(along[rows]), radius))
+    uncertain = np.flatnonzero(np.linalg.norm(mean, axis=1) + WIDTH * sigma[:, -1] > radius)
+    for start in range(0, len(uncertain), size):
+        rows = uncertain[start : start + size]
+        result[rows] = within(along[rows], sigma[rows], np.full(len(rows), radius))
     return np.clip(result, 0.0, 1.0)
 
 

@@ -45,7 +45,7 @@ def drift_scale(
     linear = steps.linearize(values)
     of_odometry = sum(_determined(linear.at(i), own, following) for i in range(linear.size()))
     determined = 6 * len(own) - of_odometry - 6 * robots
-    return float(np.sqrt((prior_weight + squared) / (prior_weight + max(determined, 0.0))))
+    return float(np.sqrt((prior_weight + 2.0 + squared) / (prior_weight + max(determined, 0.0))))
 
 
 def _determined(step: gtsam.GaussianFactor, own: FloatArray, following: FloatArray) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,14 +39,27 @@ class JointCovariance:
         if len(n) == 0:
             return np.zeros((0, 6, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, 6))
         (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
-        own_a, cross, own_b = self._rows(rows).joint(self._rows(columns), slice(0, 6))
+        own_a, cross, own_b = self._rows(rows).joint(self._rows(columns))
         return own_a[of_n], cross[of_n, of_m], own_b[of_m]
 
-    def of_robot(self, robot: int) -> Rows:
-        """What all poses of a robot depend on."""
+    def about(self, robot: int, one: int) -> tuple[FloatArray, FloatArray]:
+        """Covariances `(n, 6, 6)` of all poses of a robot, and of these with one of them."""
+        poses = np.arange(self.first[robot], self.first[robot + 1])
+        turn = self._turn(poses)
+        with_one = turn @ self.root.with_one(poses, int(poses[one])) @ turn[one].T
+        return turn @ self._own[poses] @ np.swapaxes(turn, 1, 2), with_one
+
+    @cached_property
+    def _own(self) -> FloatArray:
+        return self.root.chains()[0]
+
+    def positions(self, robot: int, dimensions: int) -> Rows:
+        """What the positions of all poses of a robot depend on, horizontal ones or in space."""
         rows = self._kept.pop(robot, None)
         if rows is None:
-            rows = self._rows(np.arange(self.first[robot], self.first[robot + 1]))
+            poses = np.arange(self.first[robot], self.first[robot + 1])
+            values, places = self.root.rows(poses)
+            rows = Rows(self.turn[poses, :dimensions] @ values[:, 3:], places)
         self._kept[robot] = rows
         while len(self._kept) > MOST_KEPT:
             self._kept.popitem(last=False)
@@ -53,48 +67,44 @@ class JointCovariance:
 
     def _rows(self, poses: IntArray) -> Rows:
         values, places = self.root.rows(poses)
+        return Rows(self._turn(poses) @ values, places)
+
+    def _turn(self, poses: IntArray) -> FloatArray:
         turn = np.zeros((len(poses), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
-        return Rows(turn @ values, places)
+        return turn
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What n poses of a robot depend on, as independent numbers of one standard deviation.
+    """What n poses of a robot, or some axes of them, depend on, as independent numbers of one standard deviation.
 
     Args:
-        values: `(n, 6, 6 C)` of the root's inverse.
+        values: `(n, d, 6 C)` of the root's inverse.
         places: `(C,)` which of its columns.
     """
 
     values: FloatArray
     places: IntArray
 
-    @property
-    def own(self) -> FloatArray:
-        """`(n, 6, 6)` covariance of each pose."""
-        return _squared(self.values)
-
-    def only(self, poses: slice | int) -> Rows:
+    def only(self, poses: slice) -> Rows:
         """Those of some of the poses."""
-        chosen = slice(poses, poses + 1) if isinstance(poses, int) else poses
-        return replace(self, values=self.values[chosen])
+        return replace(self, values=self.values[poses])
 
-    def displacements(self, other: Rows, dimensions: int) -> FloatArray:
+    def displacements(self, other: Rows) -> FloatArray:
         """Covariance `(n, m, d, d)` of the difference of positions, for poses of two robots in common axes."""
-        own, cross, others = self.joint(other, slice(3, 3 + dimensions))
+        own, cross, others = self.joint(other)
         return np.asarray(own[:, None] + others[None, :] - cross - np.swapaxes(cross, 2, 3))
 
-    def joint(self, other: Rows, axes: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Covariances `(n, d, d)`, `(n, m, d, d)`, `(m, d, d)` of and between some axes of two robots' poses."""
+    def joint(self, other: Rows) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Covariances `(n, d, d)`, `(n, m, d, d)`, `(m, d, d)` of and between two robots' poses."""
         _, at, of_other = np.intersect1d(self.places, other.places, assume_unique=True, return_indices=True)
-        cross = _times(self._at(axes, at), other._at(axes, of_other))
-        return _squared(self.values[:, axes]), cross, _squared(other.values[:, axes])
+        return _squared(self.values), _times(self._at(at), other._at(of_other)), _squared(other.values)
 
-    def _at(self, axes: slice, places: IntArray) -> FloatArray:
-        """Values of some axes `(n, d, 6 c)` at some of the places."""
-        columns = (6 * places[:, None] + np.arange(6)).ravel()
-        return np.asarray(self.values[:, axes][:, :, columns])
+    def _at(self, places: IntArray) -> FloatArray:
+        """Values `(n, d, 6 c)` at some of the places."""
+        n, d, _ = self.values.shape
+        return self.values.reshape(n, d, -1, 6)[:, :, places].reshape(n, d, -1)
 
 
 def _squared(rows: FloatArray) -> FloatArray:

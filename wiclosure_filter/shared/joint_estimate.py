@@ -70,16 +70,22 @@ class JointEstimate:
     def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots; see `SharedEstimate`."""
         a, b = self.reach[robot_a], self.reach[robot_b]
-        rows_a, rows_b = (self.covariance.of_robot(self._number[robot]) for robot in (robot_a, robot_b))
         of_a, of_b = slice(0, len(a.places)), slice(0, len(b.places))
         if gate is not None:
-            stretches = meeting_stretches(a, rows_a, b, rows_b, gate)
+            stretches = meeting_stretches(a, b, self._of_middles(robot_a, robot_b), gate)
             if stretches is None:
                 return ()
             of_a, of_b = stretches
         (places_a, nodes_a), (places_b, nodes_b) = a.places.stretch(of_a), b.places.stretch(of_b)
-        table = rows_a.only(nodes_a).displacements(rows_b.only(nodes_b), self.dimensions)
+        rows_a, rows_b = (self.covariance.positions(self._number[r], self.dimensions) for r in (robot_a, robot_b))
+        table = rows_a.only(nodes_a).displacements(rows_b.only(nodes_b))
         return (PairModel(places_a, places_b, table, first=(of_a.start, of_b.start)),)
+
+    def _of_middles(self, robot_a: str, robot_b: str) -> FloatArray:
+        """`(12, 12)` covariance of the middle nodes of two robots, in the shared axes."""
+        middles = (np.array([self.first[robot] + self.reach[robot].middle]) for robot in (robot_a, robot_b))
+        own_a, cross, own_b = self.covariance.of_pairs(*middles)
+        return np.block([[own_a[0], cross[0]], [cross[0].T, own_b[0]]])
 
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """See `SharedEstimate`."""
@@ -173,12 +179,14 @@ class JointEstimate:
         return from_before + share[:, None] * (from_after - from_before)
 
     def _reach(self, robot: str) -> Reach:
-        nodes, rows = self.nodes[robot], self.covariance.of_robot(self._number[robot])
+        nodes = self.nodes[robot]
+        middle = len(nodes) // 2
+        own, with_middle = self.covariance.about(self._number[robot], middle)
         before, share = nodes.around_keyframes()
         after = np.minimum(before + 1, len(nodes) - 1)
         chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])
         off_chord = np.sum((nodes.trajectory.positions - chord) ** 2, axis=1)
-        turn = np.einsum("nii->n", rows.own[:, :3, :3])
+        turn = np.einsum("nii->n", own[:, :3, :3])
         variance = nodes.bridge_variance(before, share) + off_chord * np.maximum(turn[before], turn[after])
         places = KeyframePlaces(
             positions=self.positions[robot][:, : self.dimensions],
@@ -186,7 +194,7 @@ class JointEstimate:
             node=before,
             fraction=share,
         )
-        return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], rows)
+        return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], middle, own, with_middle)
 
 
 def estimate(

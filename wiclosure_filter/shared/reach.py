@@ -23,7 +23,6 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces
 from wiclosure.wiclosure_filter.search.segments import LEAF
-from wiclosure.wiclosure_filter.shared.joint_covariance import Rows
 
 # m^2: no bound on how flat a covariance may be, so that only its largest axis rules pairs out.
 NO_SPREAD = 1e-12
@@ -69,12 +68,20 @@ class Reach:
     boxes: Boxes
 
     @classmethod
-    def of(cls, places: KeyframePlaces, nodes: FloatArray, rows: Rows) -> Reach:
-        """From a robot's keyframes, its nodes' positions `(n, 3)` and what they depend on, in the shared axes."""
-        middle = len(nodes) // 2
-        own, d = rows.own, places.positions.shape[1]
-        shape = _shape(rows.values, nodes, middle)[:, :d]
-        shape_sigma = _sigma(shape @ np.swapaxes(shape, 1, 2))
+    def of(
+        cls, places: KeyframePlaces, nodes: FloatArray, middle: int, own: FloatArray, with_middle: FloatArray
+    ) -> Reach:
+        """From a robot's keyframes, and its n nodes in the shared axes.
+
+        Args:
+            places: the keyframes.
+            nodes: `(n, 3)` positions.
+            middle: one of the nodes.
+            own: `(n, 6, 6)` their covariances.
+            with_middle: `(n, 6, 6)` the same of each with the middle one.
+        """
+        d = places.positions.shape[1]
+        shape_sigma = _sigma(_shape(nodes - nodes[middle], own, own[middle], with_middle)[:, :d, :d])
         starts = np.arange(0, len(places), LEAF)
         ends = np.minimum(starts + LEAF, len(places)) - 1
         touched = [
@@ -105,9 +112,16 @@ def near_enough(robots: list[Reach], gate: Gate) -> BoolArray:
     return near
 
 
-def meeting_stretches(a: Reach, rows_a: Rows, b: Reach, rows_b: Rows, gate: Gate) -> tuple[slice, slice] | None:
-    """Keyframes of both robots between which all pairs are that the gate may keep; None where it keeps none."""
-    apart, turned = _between(a, rows_a, b, rows_b)
+def meeting_stretches(a: Reach, b: Reach, of_middles: FloatArray, gate: Gate) -> tuple[slice, slice] | None:
+    """Keyframes of both robots between which all pairs are that the gate may keep; None where it keeps none.
+
+    Args:
+        a: one robot.
+        b: the other.
+        of_middles: `(12, 12)` covariance of their middle nodes, rotation first, in the shared axes.
+        gate: decides on pairs.
+    """
+    apart, turned = _between(a, b, of_middles)
     ours, theirs, d = a.boxes, b.boxes, a.places.positions.shape[1]
     gap = np.maximum(ours.low[:, None] - theirs.high, theirs.low - ours.high[:, None])
     farthest = np.maximum(ours.node_high[:, None] - theirs.node_low, theirs.node_high - ours.node_low[:, None])
@@ -133,13 +147,11 @@ def _stretch(leaves: IntArray, size: int) -> slice:
     return slice(int(leaves[0]) * LEAF, min((int(leaves[-1]) + 1) * LEAF, size))
 
 
-def _between(a: Reach, rows_a: Rows, b: Reach, rows_b: Rows) -> tuple[FloatArray, FloatArray]:
+def _between(a: Reach, b: Reach, of_middles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Covariances `(3, 3)`, m^2 and rad^2, of where the middle of b lies from that of a, and of how it is turned."""
-    own_a, cross, own_b = rows_a.only(a.middle).joint(rows_b.only(b.middle), slice(0, 6))
-    both = np.block([[own_a[0], cross[0, 0]], [cross[0, 0].T, own_b[0]]])
     moved = np.hstack([se3.skew(b.position - a.position), -np.eye(3), np.zeros((3, 3)), np.eye(3)])
     turned = np.hstack([-np.eye(3), np.zeros((3, 3)), np.eye(3), np.zeros((3, 3))])
-    return moved @ both @ moved.T, turned @ both @ turned.T
+    return moved @ of_middles @ moved.T, turned @ of_middles @ turned.T
 
 
 def _swing(turn: FloatArray, lever: FloatArray, dimensions: int) -> FloatArray:
@@ -150,10 +162,12 @@ def _swing(turn: FloatArray, lever: FloatArray, dimensions: int) -> FloatArray:
     return np.asarray(np.sqrt(turn[2, 2]) * horizontal + _sigma(turn[:2, :2]) * upright)
 
 
-def _shape(rows: FloatArray, nodes: FloatArray, middle: int) -> FloatArray:
-    """`(n, 3, c)` of the nodes' positions in the frame of the middle one."""
-    lever = nodes - nodes[middle]
-    return np.asarray(rows[:, 3:] - rows[middle, 3:] + se3.skew(lever) @ rows[middle, :3])
+def _shape(lever: FloatArray, own: FloatArray, middle: FloatArray, with_middle: FloatArray) -> FloatArray:
+    """`(n, 3, 3)` covariances of the nodes' positions at levers `(n, 3)` in the frame of the middle one."""
+    by_middle = np.concatenate([se3.skew(lever), np.tile(-np.eye(3), (len(lever), 1, 1))], axis=2)
+    mixed = with_middle[:, 3:] @ np.swapaxes(by_middle, 1, 2)
+    of_middle = by_middle @ middle @ np.swapaxes(by_middle, 1, 2)
+    return np.asarray(own[:, 3:, 3:] + of_middle + mixed + np.swapaxes(mixed, 1, 2))
 
 
 def _sigma(covariance: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Generic, TypeVar
 
 import gtsam
@@ -50,6 +51,40 @@ class Recent(Generic[_Value]):
             self._bytes -= self._values.popitem(last=False)[1][1]
 
 
+class _Front:
+    """Joint covariance of some poses, to which one more is added in place: those of one subtree share it."""
+
+    def __init__(self, members: IntArray | None = None, room: FloatArray | None = None) -> None:
+        self.members = np.zeros(0, np.int64) if members is None else members
+        self._room = np.zeros((6, 6)) if room is None else room
+
+    @property
+    def covariance(self) -> FloatArray:
+        """`(6 M, 6 M)`."""
+        return self._room[: 6 * len(self.members), : 6 * len(self.members)]
+
+    def only(self, places: IntArray) -> _Front:
+        """Of some of the poses, which increase as they do."""
+        if len(places) == len(self.members):
+            return self
+        wanted = (6 * np.searchsorted(self.members, places)[:, None] + np.arange(6)).ravel()
+        size = len(wanted)
+        room = np.empty((2 * size + 6, 2 * size + 6))
+        room[:size, :size] = self._room[wanted[:, None], wanted]
+        return _Front(places, room)
+
+    def extended(self, place: int, cross: FloatArray, variance: FloatArray) -> _Front:
+        """With one pose more, of which the covariance with the others is `cross (6, 6 M)`."""
+        size = 6 * len(self.members)
+        room = self._room
+        if size + 6 > len(room):
+            room = np.empty((2 * size + 6, 2 * size + 6))
+            room[:size, :size] = self.covariance
+        room[size : size + 6, :size], room[:size, size : size + 6] = cross, cross.T
+        room[size : size + 6, size : size + 6] = variance
+        return _Front(np.append(self.members, place), room)
+
+
 @dataclass(frozen=True, eq=False)
 class SquareRoot:
     """Of the information of K poses.
@@ -60,7 +95,7 @@ class SquareRoot:
         place: `(K,)` of each pose.
         parent: `(K,)` place of the nearest ancestor of each place; -1 at a root.
         start: `(K + 1,)` where the separator of each place begins.
-        separator: `(S,)` places that the pose of a place depends on, ancestors all.
+        separator: `(S,)` places that the pose of a place depends on, ancestors all, increasing.
         response: `(6, 6 S)` how it follows them, `-R_nn^-1 R_ns`.
         remainder: `(K, 6, 6)` the independent rest, `R_nn^-1`.
         solution: `(K, 6)` the poses' movements that solve the linearised graph.
@@ -91,9 +126,14 @@ class SquareRoot:
         keys = [np.array(conditional.keys(), np.int64) for conditional in conditionals]
         place = np.empty(size, np.int64)
         place[[own[0] for own in keys]] = np.arange(size)
-        separators = [place[own[1:]] for own in keys]
+        after = [np.argsort(place[own[1:]]) for own in keys]
+        separators = [place[own[1:]][order] for own, order in zip(keys, after, strict=True)]
         remainder = np.linalg.inv(np.array([conditional.R() for conditional in conditionals]))
-        responses = [-rest @ c.S() for rest, c, own in zip(remainder, conditionals, keys, strict=True) if len(own) > 1]
+        responses = [
+            -rest @ conditional.S().reshape(6, -1, 6)[:, order].reshape(6, -1)
+            for rest, conditional, order in zip(remainder, conditionals, after, strict=True)
+            if len(order)
+        ]
         solution = net.optimize()
         return cls(
             place,
@@ -131,29 +171,45 @@ class SquareRoot:
         followed = self.response[:, 6 * self.start[place] : 6 * self.start[place + 1]] @ known
         return np.append(above, place), np.hstack([followed, self.remainder[place]])
 
+    def with_one(self, poses: IntArray, one: int) -> FloatArray:
+        """Covariances `(n, 6, 6)` of poses with one pose: a column of the inverse, by two sparse substitutions."""
+        found = np.zeros((len(self.place), 6, 6))
+        place = int(self.place[one])
+        found[place] = np.eye(6)
+        while place >= 0:  # what a pose follows is pulled with it
+            separator, response = self._followed(place)
+            found[separator] += (response.T @ found[place]).reshape(-1, 6, 6)
+            found[place] = self.remainder[place] @ (self.remainder[place].T @ found[place])
+            place = int(self.parent[place])
+        for place in self.with_ancestors(poses).tolist():  # ancestors first
+            separator, response = self._followed(place)
+            found[place] += response @ found[separator].reshape(-1, 6)
+        return found[self.place[poses]]
+
+    def _followed(self, place: int) -> tuple[IntArray, FloatArray]:
+        """The separator of a place, and how its pose follows that."""
+        first, end = self.start[place], self.start[place + 1]
+        return self.separator[first:end], self.response[:, 6 * first : 6 * end]
+
     def chains(self) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
 
-        Poses that share a factor are ancestors of each other, so that the rows on one way from the root serve for both.
+        With the covariance of all that a pose follows known, its own comes of it (Takahashi et al., Formation of a
+        sparse bus impedance matrix, 1973): what it follows is its nearest ancestor, or followed by that.
         """
         own, following = np.zeros((len(self.place), 6, 6)), np.zeros((max(len(self.place) - 1, 0), 6, 6))
         pose = np.argsort(self.place)
         depth, order = self._depth_first()
-        rows = np.zeros((6 * (int(depth.max()) + 1), 6 * (int(depth.max()) + 1)))
-        path = np.full(int(depth.max()) + 1, -1)
+        fronts = [_Front()] * (int(depth.max()) + 2)  # on the way to a place, each with what the place follows
         for place in order:
-            level, first, end = int(depth[place]), self.start[place], self.start[place + 1]
-            at, path[level] = slice(6 * level, 6 * level + 6), place
-            known = rows[(6 * depth[self.separator[first:end], None] + np.arange(6)).ravel(), : 6 * level]
-            rows[at, : 6 * level] = self.response[:, 6 * first : 6 * end] @ known
-            rows[at, at] = self.remainder[place]
-            row = rows[at, : 6 * level + 6]
-            own[pose[place]] = row @ row.T
-            for other in (pose[place] - 1, pose[place] + 1):
-                above = int(depth[self.place[other]]) if 0 <= other < len(pose) else level
-                if above < level and path[above] == self.place[other]:
-                    cross = row[:, : 6 * above + 6] @ rows[6 * above : 6 * above + 6, : 6 * above + 6].T
-                    following[min(other, pose[place])] = cross if other > pose[place] else cross.T
+            separator, response = self._followed(place)
+            front = fronts[int(depth[place])].only(separator)
+            cross = response @ front.covariance
+            own[pose[place]] = cross @ response.T + self.remainder[place] @ self.remainder[place].T
+            fronts[int(depth[place]) + 1] = front.extended(place, cross, own[pose[place]])
+            for other in np.flatnonzero(np.abs(pose[separator] - pose[place]) == 1):
+                beside, block = int(pose[separator[other]]), cross[:, 6 * other : 6 * other + 6]
+                following[min(beside, pose[place])] = block if beside > pose[place] else block.T
         return own, following
 
     def _depth_first(self) -> tuple[IntArray, list[int]]:
@@ -175,10 +231,14 @@ class SquareRoot:
 
     def with_ancestors(self, poses: IntArray) -> IntArray:
         """Places of poses and of all that they depend on, increasing."""
-        found, places = np.zeros(len(self.parent), bool), np.unique(self.place[poses])
-        while len(places):
-            found[places] = True
-            places = self.parent[places]
-            places = np.unique(places[places >= 0])
-            places = places[~found[places]]
-        return np.flatnonzero(found)
+        found: set[int] = set()
+        for own in self.place[poses].tolist():
+            place = own
+            while place >= 0 and place not in found:
+                found.add(place)
+                place = self._parents[place]
+        return np.array(sorted(found), np.int64)
+
+    @cached_property
+    def _parents(self) -> list[int]:
+        return [int(place) for place in self.parent]

@@ -9,8 +9,15 @@ from pathlib import Path
 import pytest
 
 from wiclosure.pipeline import cli
+from wiclosure.pipeline.report import pictures
 
 Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(autouse=True)
+def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run draws some; what they show is tested with the report."""
+    monkeypatch.setattr(pictures, "DPI", 40)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 Call = Callable[..., tuple[int, str, str]]
-WORDS = ("scenario:shell-space", "--config", "small-site", "-n", "12", "--no-cache", "--quiet", "--filter", "none")
+WORDS = ("scenario:shell-space", "--config", "small-site", "-n", "4", "--no-cache", "--quiet", "--filter", "none")
 
 
 @pytest.fixture(autouse=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -136,12 +137,25 @@ FAULTS = {
 }
 
 
+@pytest.fixture(scope="module")
+def unpredicted(team: Team) -> Callable[[str], PairOutcome]:
+    """What the filter makes of a log with a fault, none of it called certain; once for all tests."""
+
+    @cache
+    def outcome(fault: str) -> PairOutcome:
+        found = team.outcome(FAULTS[fault][0](team.log))
+        return replace(found, kept=replace(found.kept, predictor=None))
+
+    return outcome
+
+
 @pytest.mark.parametrize("fault", FAULTS)
-def test_closures_win_over_a_radio_with_an_error_which_is_named(team: Team, fault: str) -> None:
+def test_closures_win_over_a_radio_with_an_error_which_is_named(
+    team: Team, unpredicted: Callable[[str], PairOutcome], fault: str
+) -> None:
     spoil, words = FAULTS[fault]
-    log, true = spoil(team.log), team.closures(12)
-    outcome = replace(team.outcome(log), kept=replace(team.outcome(log).kept, predictor=None))
-    found = check_pair(replace(outcome, checked=tuple(true)), team.odometry, log, Config(), lambda pair, also: [])
+    log, outcome = spoil(team.log), replace(unpredicted(fault), checked=tuple(team.closures(12)))
+    found = check_pair(outcome, team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict is Verdict.CLOSURES
     assert found.drops_radio
@@ -150,11 +164,13 @@ def test_closures_win_over_a_radio_with_an_error_which_is_named(team: Team, faul
 
 
 @pytest.mark.parametrize("fault", ["clockwise", "from the left", "reversed", "odometry axes"])
-def test_closures_of_places_that_look_alike_do_not_win_over_ranges(team: Team, fault: str) -> None:
+def test_closures_of_places_that_look_alike_do_not_win_over_ranges(
+    team: Team, unpredicted: Callable[[str], PairOutcome], fault: str
+) -> None:
     spoil, _ = FAULTS[fault]
     log, false = spoil(team.log), team.closures(25, SHIFT)
-    outcome = replace(team.outcome(log), kept=replace(team.outcome(log).kept, predictor=None))
-    found = check_pair(replace(outcome, checked=tuple(false)), team.odometry, log, Config(), lambda pair, also: [])
+    outcome = replace(unpredicted(fault), checked=tuple(false))
+    found = check_pair(outcome, team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict in {Verdict.NEITHER, Verdict.UNDECIDED}
     assert not found.drops_radio

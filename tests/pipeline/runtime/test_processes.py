@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from multiprocessing import active_children
 from pathlib import Path
 from threading import Thread
 from types import ModuleType
@@ -20,6 +21,32 @@ def test_results_come_with_their_numbers_from_other_processes(labour: ModuleType
     found = dict(Processes(2).each(labour.process_id, range(6)))
     assert sorted(found) == list(range(6))
     assert os.getpid() not in found.values()
+
+
+def test_processes_are_kept_for_the_next_work_and_no_longer_than_who_asked_for_them(labour: ModuleType) -> None:
+    workers = Processes(1)
+    first, second = (dict(workers.each(labour.process_id, range(2))) for _ in range(2))
+    assert first == second
+    (process,) = active_children()
+    del workers
+    process.join(10.0)
+    assert not process.is_alive()
+
+
+def test_after_a_process_was_killed_others_begin(labour: ModuleType) -> None:
+    workers = Processes(2)
+    with pytest.raises(ProcessError):
+        dict(workers.each(labour.die, range(2)))
+    assert active_children() == []
+    assert len(dict(workers.each(labour.process_id, range(3)))) == 3
+
+
+def test_news_come_to_those_who_asked_for_the_work(labour: ModuleType) -> None:
+    workers = Processes(1)
+    for seed in (3, 4):
+        heard: list[tuple[object, ...]] = []
+        dict(workers.each(labour.solve, [seed, seed], told=lambda *news, heard=heard: heard.append(news)))
+        assert heard == [("seed", seed)] * 2
 
 
 def test_a_process_that_is_killed_is_one_sentence(labour: ModuleType) -> None:

@@ -139,7 +139,7 @@ def test_waiting_for_scans_is_told_from_following_them() -> None:
 def test_a_worker_that_is_killed_is_told_in_one_sentence(tmp_path: Path) -> None:
     data = []
     for name in ("alpha", "beta"):
-        write_kitti_folder(tmp_path / name, [replace(SCANS[0], stamp_ns=k * 10**8) for k in range(2000)])
+        write_kitti_folder(tmp_path / name, [replace(SCANS[0], stamp_ns=k * 10**8) for k in range(200)])
         data.append(f"{name}={tmp_path / name}")
 
     def kill() -> None:
@@ -162,16 +162,15 @@ def test_another_drift_model_holds_for_odometry_from_the_cache(tmp_path: Path) -
         assert fronts["alpha"].keyframes.drift.translation_walk == walk
 
 
-@pytest.mark.parametrize("jobs", [2, 3])
-def test_processes_give_the_same_result(tmp_path: Path, jobs: int) -> None:
-    """With three for two robots, one of them reads ahead."""
+def test_processes_give_the_same_result(tmp_path: Path) -> None:
+    """Three for two robots: one of them reads ahead, the other does not."""
     data = []
     for name in ("alpha", "beta"):
         write_kitti_folder(tmp_path / name, SCANS)
         data.append(f"{name}={tmp_path / name}")
     robots = open_inputs(data).robots
     alone, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=1, progress=NoProgress())
-    together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=jobs, progress=NoProgress())
+    together, _ = front_ends(robots, Config(), cache=StageCache(None), jobs=3, progress=NoProgress())
     for name, front in alone.items():
         np.testing.assert_array_equal(together[name].odometry.poses, front.odometry.poses)
         np.testing.assert_array_equal(together[name].descriptors, front.descriptors)

@@ -36,15 +36,16 @@ def test_moving_points_lie_on_movers_as_they_stand_when_the_beam_passes(busy: Sc
     assert source.traffic is not None
     for index in range(0, len(source), 60):
         world, stamps_ns, moving = in_world(source, index)
-        off = np.full(moving.sum(), np.inf)
-        for n, (point, stamp_ns) in enumerate(zip(world[moving], stamps_ns[moving], strict=True)):
+        some = np.flatnonzero(moving)[::5]
+        off = np.full(len(some), np.inf)
+        for n, (point, stamp_ns) in enumerate(zip(world[some], stamps_ns[some], strict=True)):
             for mover in source.traffic.movers:
                 if (T := mover.at(int(stamp_ns))) is not None:
                     own = se3.transform(se3.inverse(T), point[None])[0]
                     off[n] = min(off[n], np.max(np.abs(own[:2]) - mover.half_m))
         seen += len(off)
         assert (off < 0.25).all()  # range noise, and a long car's ends are passed a little later than its middle
-    assert seen > 500
+    assert seen > 100
 
 
 def test_without_it_scans_are_as_before_and_with_it_only_what_it_hides_is_missing(busy: Scenario) -> None:

@@ -95,3 +95,9 @@ def test_extraordinary_errors_are_far_beyond_prior_and_sigma() -> None:
     value, sigma = Calibration("range bias", "m", 0.5, 0.15, 0.3).measured
     assert value == pytest.approx(0.5 / 0.75)
     assert sigma == pytest.approx(0.15 / np.sqrt(0.75))
+
+
+def test_an_error_that_nothing_tells_of_is_said_to_be_untold() -> None:
+    told = Calibration("range bias", "m", 0.55, 0.08, 0.3)
+    assert str(told) == "range bias: 0.59 m, sigma 0.08"
+    assert str(Calibration("azimuth offset of a", "rad", 0.0, 0.05, 0.05)).endswith("not told by the measurements")

@@ -10,8 +10,9 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT
-from wiclosure.wiclosure_filter.alignment.drifting_frames import BorderedSystem, follow_drift
+from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
 
@@ -60,6 +61,20 @@ def test_the_yaw_follows_an_odometry_that_turns(make_case: Callable[..., object]
     assert np.linalg.norm(frames.w - true, axis=1).max() < 0.7
     assert frames.explanation.ranged().all()
     assert frames.middle in np.flatnonzero(np.abs(case.problem.observations.index_a - 30) < 3)
+
+
+def test_ranges_alone_lead_to_one_alignment_from_wherever_it_starts(make_case: Callable[..., object]) -> None:
+    """A far robot lies on a circle: whole steps along its tangent would leave every range unexplained."""
+    case = make_case("range-only", heard=30)
+    mixture, drift = case.problem.anchored_at(15)
+    starts = case.state + np.array([[0.0, 0.0, 0.0, 0.0], [0.03, 0.3, -0.3, 0.0], [-0.05, -1.0, 0.5, 0.0]])
+    found = [
+        follow_drift(start, mixture, drift, case.problem.prior, case.problem.odometry, CalibrationPriors())
+        for start in starts
+    ]
+    for frames in found:
+        np.testing.assert_allclose(frames.w[:, :2], found[0].w[:, :2], atol=0.05)
+        assert frames.explanation.ranged().all()
 
 
 @pytest.mark.parametrize("with_border", [0.0, 1.0])

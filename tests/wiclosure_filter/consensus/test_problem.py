@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def test_opposite_bearings_of_one_moment_are_partners(make_case: Callable[..., o
 def test_drift_grows_from_the_anchor(make_case: Callable[..., object]) -> None:
     model = DriftModel(translation_walk=0.1, rotation_walk=1e-3, rotation_walk_turning=1e-3)
     case = make_case(drift=model, heard=13)
-    observations, odometry = case.problem.observations, case.problem.odometry
+    observations, odometry = case.problem.observations, replace(case.problem.odometry, scale=0.0)
     position, yaw = odometry.drift_from(6, observations)
     assert position[6] == yaw[6] == 0.0
     assert (np.diff(position[6:]) > 0).all()
@@ -54,12 +55,25 @@ def test_a_random_walk_of_both_robots_adds_up(make_case: Callable[..., object]) 
         translation_walk=0.1, rotation_walk=1e-9, rotation_walk_turning=1e-9, translation_bias=0.0, rotation_bias=0.0
     )
     case = make_case(drift=walk, heard=13)
-    observations, odometry = case.problem.observations, case.problem.odometry
+    observations, odometry = case.problem.observations, replace(case.problem.odometry, scale=0.0)
     position, yaw = odometry.drift_since(0, 0, observations)
     np.testing.assert_allclose(position, 0.1 * np.sqrt(2.0 * observations.index_a), rtol=1e-6)
     np.testing.assert_allclose(yaw, 0.0, atol=1e-7)
     between = odometry.covariance_a(np.array([0]), np.array([16]))
     np.testing.assert_allclose(np.diag(between[0])[3:], 16 * 0.1**2, rtol=1e-6)
+
+
+def test_an_unknown_scale_moves_what_lies_far_from_where_the_transform_is_right(
+    make_case: Callable[..., object],
+) -> None:
+    """By a percent of the way of each robot, in any direction."""
+    case = make_case(drift=DriftModel().scaled(1e-6), heard=13)
+    observations, odometry = case.problem.observations, replace(case.problem.odometry, scale=0.01)
+    ways = [
+        np.linalg.norm((t.positions[index] - t.positions[0])[:, :2], axis=1)
+        for t, index in ((odometry.a, observations.index_a), (odometry.b, observations.index_b))
+    ]
+    np.testing.assert_allclose(odometry.drift_since(0, 0, observations)[0], 0.01 * np.hypot(*ways), atol=1e-6)
 
 
 def test_the_anchored_likelihood_is_widened_by_the_drift(make_case: Callable[..., object]) -> None:

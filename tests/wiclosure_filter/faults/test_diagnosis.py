@@ -11,7 +11,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.team import contradictions
+from wiclosure.wiclosure_filter.faults.cycles import contradictions
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 
 SECOND_NS = 10**9

@@ -31,8 +31,8 @@ def scale_of(residual_sigmas: float, held_sigma: float = 1e-5, prior_weight: flo
 
 @pytest.mark.parametrize("sigmas", [0.0, 1.0, 3.0, 10.0])
 def test_residuals_over_determined_parameters(sigmas: float) -> None:
-    """The held pose determines all six parameters of the step: r / g with the drift model's weight on either side."""
-    assert scale_of(sigmas) == pytest.approx(np.sqrt((2.0 + sigmas**2) / (2.0 + 6.0)), rel=1e-3)
+    """The held pose determines all six parameters of the step: the mean of an inverse gamma distribution."""
+    assert scale_of(sigmas) == pytest.approx(np.sqrt((4.0 + sigmas**2) / (4.0 + 6.0 - 2.0)), rel=1e-3)
 
 
 def test_a_heavy_drift_model_is_never_scaled() -> None:
@@ -40,5 +40,5 @@ def test_a_heavy_drift_model_is_never_scaled() -> None:
 
 
 def test_what_links_do_not_determine_does_not_count() -> None:
-    """A vague link determines next to nothing, so that odometry without residuals is not taken for better."""
-    assert scale_of(0.0, held_sigma=1e3) == pytest.approx(1.0, abs=1e-3)
+    """A vague link determines next to nothing: odometry without residuals is not taken for better, but for unknown."""
+    assert scale_of(0.0, held_sigma=1e3) == pytest.approx(np.sqrt(2.0), abs=1e-3)

@@ -52,7 +52,7 @@ def both(R: FloatArray) -> FloatArray:
 
 
 def table(covariance: JointCovariance, a: int, b: int) -> FloatArray:
-    return covariance.of_robot(a).displacements(covariance.of_robot(b), 2)
+    return covariance.positions(a, 2).displacements(covariance.positions(b, 2))
 
 
 def displacement(whole: FloatArray, n: int, m: int) -> FloatArray:
@@ -68,7 +68,9 @@ def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
     got = JointCovariance(SquareRoot.of(graph), FIRST, axes())
     for robot in range(3):
         own = np.arange(FIRST[robot], FIRST[robot + 1])
-        np.testing.assert_allclose(got.of_robot(robot).own, whole[own, :, own], rtol=1e-8, atol=1e-12)
+        alone, with_second = got.about(robot, 1)
+        np.testing.assert_allclose(alone, whole[own, :, own], rtol=1e-8, atol=1e-12)
+        np.testing.assert_allclose(with_second, whole[own, :, own[1]], rtol=1e-8, atol=1e-12)
     n, m = np.array([0, 5, 5, 8]), np.array([10, 9, 15, 10])
     for block, expected in zip(got.of_pairs(n, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
         np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)

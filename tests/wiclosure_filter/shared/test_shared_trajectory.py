@@ -214,14 +214,14 @@ def test_ambiguous_alignments_join_nobody() -> None:
     assert shared_by(odometry, wireless, [ambiguous], FilterSettings()).estimates == {}
 
 
-def calibration(factor: float, settings: FilterSettings) -> tuple[float, float]:
+def calibration(factor: float, settings: FilterSettings, every: int = 10) -> tuple[float, float]:
     """Coverage of 90 % intervals, and NEES, with odometry that errs by `factor` times what its drift model says."""
     inside, nees = [], []
     for seed in range(25):
         rng = np.random.default_rng(seed)
         truth, perfect = team(seed, ["alpha", "beta"])
         odometry = {name: replace(drifted(t, rng, DRIFT.scaled(factor)), drift=DRIFT) for name, t in perfect.items()}
-        wireless = listen(truth, "alpha", "beta", rng, elevation=False)
+        wireless = listen(truth, "alpha", "beta", rng, every, elevation=False)
         alignment = true_alignment("alpha", "beta", wireless, off_by_a_bit())
         shared = shared_by(odometry, wireless, [alignment], settings)
         p, k = rng.integers(0, 150, (2, 400))
@@ -243,9 +243,10 @@ def test_predicted_covariance_is_calibrated() -> None:
 
 @pytest.mark.parametrize("factor", [0.3, 6.0])
 def test_links_tell_that_the_odometry_is_better_or_worse_than_its_model(factor: float) -> None:
-    coverage, nees = calibration(factor, FilterSettings())
+    """Many links tell it; with few the drift is taken to be unknown, not small."""
+    coverage, nees = calibration(factor, FilterSettings(), every=2)
     fixed = FilterSettings(shared_trajectory=SharedTrajectorySettings(drift_weight=1e9))
-    fixed_coverage, fixed_nees = calibration(factor, fixed)
+    fixed_coverage, fixed_nees = calibration(factor, fixed, every=2)
     assert abs(coverage - 0.9) < abs(fixed_coverage - 0.9)
     assert abs(np.log(nees)) < abs(np.log(fixed_nees))
 

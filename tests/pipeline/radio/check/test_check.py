@@ -20,7 +20,7 @@ from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 
 START_S = 1_700_000_000
 RADIO = RadioSettings(
-    every_m=None, every_s=0.5, range_sigma_m=0.1, azimuth_sigma_deg=8.0, direction="reciprocal", gross_ranges=0.0
+    every_m=None, every_s=1.0, range_sigma_m=0.1, azimuth_sigma_deg=8.0, direction="reciprocal", gross_ranges=0.0
 )
 Change = Callable[[WirelessMeasurement], WirelessMeasurement]
 

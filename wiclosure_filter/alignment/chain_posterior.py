@@ -1,0 +1,176 @@
+"""The posterior of a chain of frame transforms and constant errors: how likely a guess is, and its normal equations.
+
+Measurements pull at the blocks (yaw, w) of the chain, odometry ties each block to the next, and constant errors act on
+both; see `drifting_frames`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
+from wiclosure.wiclosure_filter.alignment.calibration import SystematicErrors
+from wiclosure.wiclosure_filter.alignment.strain import Chain
+from wiclosure.wiclosure_filter.config import RadioModel
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
+from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
+from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.residuals import ResidualRows, residual_rows, seen_by_receiver
+
+_FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
+
+
+@dataclass(frozen=True, eq=False)
+class ChainGuess:
+    """A chain of M frame transforms, and the constant errors.
+
+    Args:
+        yaw: `(M,)` relative yaw at each measurement.
+        w: `(M, 3)` antenna a to antenna b in a's odometry axes.
+        errors: `(7,)`.
+    """
+
+    yaw: FloatArray
+    w: FloatArray
+    errors: FloatArray
+
+    def moved(self, blocks: FloatArray, errors: FloatArray) -> ChainGuess:
+        """Blocks `(M, 4)` and errors `(7,)` further."""
+        return ChainGuess(self.yaw + blocks[:, 0], self.w + blocks[:, 1:], self.errors + errors)
+
+
+@dataclass(frozen=True, eq=False)
+class ChainPosterior:
+    """What was measured, and what was known before.
+
+    Args:
+        constant: measurements in order of time, and how they depend on the constant errors.
+        radio: what is assumed of the radio.
+        drift: `(M,)` and `(M,)` of position (m) and yaw (rad) that each measurement is excused for besides its noise.
+        prior: on yaw and height.
+        odometry: of a and b.
+    """
+
+    constant: SystematicErrors
+    radio: RadioModel
+    drift: tuple[FloatArray, FloatArray]
+    prior: Prior
+    odometry: PairOdometry
+
+    def excused(self, share: float) -> ChainPosterior:
+        """With a share of the drift."""
+        return replace(self, drift=(share * self.drift[0], share * self.drift[1]))
+
+    def mixture(self, guess: ChainGuess) -> Mixture:
+        """Of the measurements without the errors that are guessed; its widths are those of what was measured."""
+        return replace(self._measured, observations=self.constant.corrected(guess.errors))
+
+    @cached_property
+    def _measured(self) -> Mixture:
+        return Mixture.of(self.constant.observations, self.radio, self.drift)
+
+    def log_density(self, guess: ChainGuess, information: FloatArray) -> float:
+        """Natural logarithm, up to a constant; `information (M - 1, 4, 4)` is that of the steps."""
+        mixture = self.mixture(guess)
+        observations = mixture.observations
+        error, _ = _steps(guess, observations)
+        squared = np.einsum("mi,mij,mj->", error, information, error)
+        squared += np.sum((guess.errors / self.constant.prior_sigma) ** 2)
+        squared += np.mean(guess.w[:, 2] ** 2) / self.prior.height_sigma_m**2
+        by_compass = _yaw_information(observations, self.prior) @ np.cos(np.nan_to_num(observations.yaw) - guess.yaw)
+        seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~observations.a_receives)
+        told = mixture.explain(seen).log_likelihood[0] @ observations.independence
+        return float(told + by_compass - squared / 2)
+
+    def linearised(self, guess: ChainGuess) -> Chain:
+        """Measurements, prior and odometry at a guess."""
+        mixture = self.mixture(guess)
+        observations, constant = mixture.observations, self.constant
+        rows = residual_rows(guess.w[None], guess.yaw[None], mixture)
+        weight = (rows.weight[0] * observations.independence[:, None])[..., None]
+        jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
+        diagonal, gradient = _measured(guess, rows, mixture, self.prior)
+        by_errors = constant.of_measured()
+        border = np.swapaxes(weight * jacobian, 1, 2) @ by_errors
+        of_errors = np.einsum("mri,mrj->ij", weight * by_errors, by_errors) + np.diag(constant.prior_sigma**-2)
+        gradient_of_errors = np.einsum("mri,mr->i", weight * by_errors, rows.residual[0])
+        gradient_of_errors -= guess.errors / constant.prior_sigma**2
+        error, back = _steps(guess, observations)
+        information = np.asarray(np.linalg.inv(_step_covariance(guess, observations, self.odometry)), float)
+        coupling = np.swapaxes(back, 1, 2) @ information
+        diagonal[:-1] += coupling @ back
+        diagonal[1:] += information
+        gradient[:-1] -= np.einsum("mij,mj->mi", coupling, error)
+        gradient[1:] -= np.einsum("mij,mj->mi", information, error)
+        of_steps = constant.of_steps(guess.yaw)
+        border[:-1] += coupling @ of_steps
+        border[1:] += information @ of_steps
+        weighted = np.swapaxes(of_steps, 1, 2) @ information
+        of_errors += (weighted @ of_steps).sum(axis=0)
+        gradient_of_errors -= np.einsum("mij,mj->i", weighted, error)
+        system = BorderedSystem(diagonal, coupling, gradient, border, of_errors, gradient_of_errors)
+        return Chain(system, error, back, of_steps, information, observations.stamp_ns)
+
+
+def _measured(guess: ChainGuess, rows: ResidualRows, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Information `(M, 4, 4)` and gradient `(M, 4)` of measurements and prior."""
+    observations = mixture.observations
+    jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
+    weighted = (rows.weight[0] * observations.independence[:, None])[..., None] * jacobian
+    diagonal = np.swapaxes(weighted, 1, 2) @ jacobian
+    gradient = np.einsum("mri,mr->mi", weighted, rows.residual[0])
+    count = len(guess.w)
+    diagonal[:, 3, 3] += prior.height_sigma_m**-2 / count  # the prior is one number, however many measurements
+    gradient[:, 3] -= guess.w[:, 2] * prior.height_sigma_m**-2 / count
+    information = _yaw_information(observations, prior)
+    diagonal[:, 0, 0] += information
+    gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - guess.yaw)
+    diagonal += 1e-6 * np.eye(4)  # what nothing is known of still has a solution
+    return diagonal, gradient
+
+
+def _yaw_information(observations: Observations, prior: Prior) -> FloatArray:
+    """`(M,)` of each measurement's headings; the prior is one number, however many of them."""
+    if not np.isfinite(prior.yaw):
+        return np.zeros(len(observations))
+    known = np.isfinite(observations.yaw)
+    return np.asarray(np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum())
+
+
+def _steps(guess: ChainGuess, observations: Observations) -> tuple[FloatArray, FloatArray]:
+    """By how much each step is not what odometry tells `(M - 1, 4)`, and its derivative by the step's start."""
+    yaw, w = guess.yaw, guess.w
+    moved_b = np.diff(observations.b, axis=0)
+    cosine, sine = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+    turned = np.column_stack(
+        [cosine * moved_b[:, 0] - sine * moved_b[:, 1], sine * moved_b[:, 0] + cosine * moved_b[:, 1], moved_b[:, 2]]
+    )
+    error = np.column_stack([np.diff(yaw), np.diff(w, axis=0) - turned + np.diff(observations.a, axis=0)])
+    back = np.tile(-np.eye(4), (len(w) - 1, 1, 1))
+    back[:, 1, 0], back[:, 2, 0] = turned[:, 1], -turned[:, 0]
+    return error, back
+
+
+def _step_covariance(guess: ChainGuess, observations: Observations, odometry: PairOdometry) -> FloatArray:
+    """`(M - 1, 4, 4)` covariance of each step of (yaw, w) by odometry: drift of a and of b."""
+    yaw, w = guess.yaw, guess.w
+    total = np.tile(np.diag([_FLOOR_RAD**2, _FLOOR_M**2, _FLOOR_M**2, _FLOOR_M**2]), (len(w) - 1, 1, 1))
+    index_a, index_b = observations.index_a, observations.index_b
+    # a's heading error turns all that a sees about a; its position error shifts it
+    R_odom_body = odometry.a.poses[index_a[1:], :3, :3]
+    of_a = np.zeros((len(w) - 1, 4, 6))
+    of_a[:, 0, :3] = -R_odom_body[:, 2]
+    of_a[:, 1:, :3] = se3.skew(w[1:]) @ R_odom_body
+    of_a[:, 1:, 3:] = -R_odom_body
+    total += se3.rotate_covariance(of_a, odometry.covariance_a(index_a[:-1], index_a[1:]))
+    R_odom_body = odometry.b.poses[index_b[1:], :3, :3]
+    of_b = np.zeros((len(w) - 1, 4, 6))
+    of_b[:, 0, :3] = R_odom_body[:, 2]
+    of_b[:, 1:, 3:] = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3] @ R_odom_body
+    return total + se3.rotate_covariance(of_b, odometry.covariance_b(index_b[:-1], index_b[1:]))
