@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import degrees_of_freedom, mahalanobis_squared
-from wiclosure.backends.least_squares.normal_matrix import DEGREES
+from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_freedom, mahalanobis_squared
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
