@@ -35,7 +35,8 @@ from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
-from wiclosure.pipeline.runtime.cluster import Cluster, cluster
+from wiclosure.pipeline.runtime.cluster.connection import cluster
+from wiclosure.pipeline.runtime.cluster.tasks import Cluster
 from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends

@@ -26,7 +26,6 @@ _Item = TypeVar("_Item")
 _AT_ONCE = 16  # pairs of robots sent together: about a second's work
 _WORTH_WORKERS = 64  # of fewer pairs the work is done sooner than processes start
 _TRIED = 25  # alignments that a diagnosis makes
-_MODELS = 1024  # pairs of robots whose models are held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +111,10 @@ def searches(
         workers: who searches.
     """
     pool = _pool(workers, pairs)
-    for some in batched(models, _MODELS if pool.count > 1 else 1):
-        parts = list(batched(some, _AT_ONCE))
-        with closing(pool.each(partial(_searched, settings=settings), parts, named=_searched_name)) as done:
-            for _, found in done:
-                yield from found
+    parts = batched(models, _AT_ONCE if pool.count > 1 else 1)
+    with closing(pool.each(partial(_searched, settings=settings), parts, named=_searched_name)) as done:
+        for _, found in done:
+            yield from found
 
 
 def _searched_name(part: Sequence[tuple[RobotPair, tuple[PairModel, ...]]]) -> str:

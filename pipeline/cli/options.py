@@ -201,13 +201,13 @@ class SideBySide:
         """The cluster that is asked for, or None: then `jobs` processes work here.
 
         Raises:
-            ConfigError: see `wiclosure.pipeline.runtime.cluster.cluster`; or options that do not go together.
+            ConfigError: see `runtime.cluster.connection.cluster`; or options that do not go together.
         """
         self.require_together()
         if self.cluster is None:
             yield None
             return
-        from wiclosure.pipeline.runtime.cluster import TlsFiles, cluster
+        from wiclosure.pipeline.runtime.cluster.connection import TlsFiles, cluster
 
         tls = None if self.cluster_tls is None else TlsFiles.of_words(self.cluster_tls)
         with cluster(self.cluster, tls) as workers:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from itertools import chain, islice
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
@@ -20,6 +21,7 @@ from wiclosure.workers import ThisProcess, Workers, at_work
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
+AHEAD = 3  # items for each process that are there before it is done
 _LISTEN_S = 0.2
 
 
@@ -40,25 +42,29 @@ class Processes:
     def each(
         self,
         work: Callable[[_Item], _Result],
-        items: Sequence[_Item],
+        items: Iterable[_Item],
         *,
         named: Callable[[_Item], str] = str,
         told: Callable[..., None] | None = None,
     ) -> Generator[tuple[int, _Result], None, None]:
         """See `wiclosure.workers.Workers`; ending early tells the processes to end, see `require_wanted`."""
-        if not items:
+        numbered = enumerate(items)
+        if (first := next(numbered, None)) is None:
             return
+        left, running = chain([first], numbered), dict[Future[_Result], int]()
         pool, self._pool = self._pool or _Pool(self.count), None
         with pool.ended_on_error():
-            futures = pool.submitted(work, items)
-            number, waiting = {future: n for n, future in enumerate(futures)}, set(futures)
-            while waiting:
-                done, waiting = wait(waiting, timeout=_LISTEN_S, return_when=FIRST_COMPLETED)
+            while True:
+                for number, item in islice(left, AHEAD * self.count - len(running)):
+                    running[pool.submitted(work, item)] = number
+                if not running:
+                    break
+                done, _ = wait(running, timeout=_LISTEN_S, return_when=FIRST_COMPLETED)
                 for heard in pool.news():
                     if told is not None:
                         told(*heard)
-                for future in sorted(done, key=number.__getitem__):
-                    yield number[future], future.result()
+                for future in sorted(done, key=running.__getitem__):
+                    yield running.pop(future), future.result()
         self._pool = pool
 
 
@@ -79,15 +85,15 @@ class _Pool:
         begun_with = (self._unwanted, self._news)
         self._executor = ProcessPoolExecutor(count, mp_context=fresh, initializer=_begin, initargs=begun_with)
 
-    def submitted(self, work: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[Future[_Result]]:
-        """Starts as many processes as there are items, at most all.
+    def submitted(self, work: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
+        """Starts a process for it where all are at work and there may be more.
 
         Raises:
             BrokenProcessPool: one died, or could not be started.
         """
         try:
             with interrupts_ignored():
-                return [self._executor.submit(work, item) for item in items]
+                return self._executor.submit(work, item)
         except (OSError, ValueError) as error:  # what comes of one that dies while the next is given its pipes
             raise BrokenProcessPool("a process could not be started") from error
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -48,7 +48,7 @@ class Workers(Protocol):
     def each(
         self,
         work: Callable[[_Item], _Result],
-        items: Sequence[_Item],
+        items: Iterable[_Item],
         *,
         named: Callable[[_Item], str] = str,
         told: Callable[..., None] | None = None,
@@ -57,7 +57,7 @@ class Workers(Protocol):
 
         Args:
             work: a function of a module (or a `functools.partial` of one), on one item.
-            items: what is sent to the workers, one by one.
+            items: what is sent to the workers, one by one; taken a few ahead of what is worked on.
             named: how an item is called in messages.
             told: takes what the work tells meanwhile, see `tell`.
 
@@ -77,7 +77,7 @@ class ThisProcess:
     def each(
         self,
         work: Callable[[_Item], _Result],
-        items: Sequence[_Item],
+        items: Iterable[_Item],
         *,
         named: Callable[[_Item], str] = str,
         told: Callable[..., None] | None = None,

@@ -11,7 +11,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.errors import InputError
 from wiclosure.pipeline.config import load_config
-from wiclosure.pipeline.runtime.cluster import cluster
+from wiclosure.pipeline.runtime.cluster.connection import cluster
 from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.types import AoaPath, FilterResult, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter import side_by_side

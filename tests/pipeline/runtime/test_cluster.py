@@ -19,7 +19,8 @@ from types import ModuleType
 import pytest
 
 from wiclosure.errors import ConfigError, InputError, ProcessError
-from wiclosure.pipeline.runtime.cluster import Cluster, TlsFiles, cluster
+from wiclosure.pipeline.runtime.cluster.connection import TlsFiles, cluster
+from wiclosure.pipeline.runtime.cluster.tasks import Cluster
 from wiclosure.pipeline.runtime.processes import Processes
 from wiclosure.workers import ThisProcess, Workers
 
@@ -186,7 +187,7 @@ def test_a_number_of_workers_is_a_number(address: str, labour: ModuleType) -> No
 
 
 def test_nobody_there_is_one_line(labour: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wiclosure.pipeline.runtime.cluster._ANSWER_S", 1.0)
+    monkeypatch.setattr("wiclosure.pipeline.runtime.cluster.connection._ANSWER_S", 1.0)
     with (
         pytest.raises(ConfigError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1"),
         cluster("tcp://127.0.0.1:1"),

@@ -12,7 +12,8 @@ from wiclosure.errors import ConfigError
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.scenarios.scenario_source import scenario_inputs
 from wiclosure.pipeline.runtime.cache import StageCache
-from wiclosure.pipeline.runtime.cluster import Cluster, cluster
+from wiclosure.pipeline.runtime.cluster.connection import cluster
+from wiclosure.pipeline.runtime.cluster.tasks import Cluster
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.odometry import front_ends
 from wiclosure.pipeline.stages.registrations import RegistrationPool
