@@ -10,8 +10,8 @@ import numpy as np
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.backends.estimate.frames import components
 from wiclosure.backends.estimate.graph_result import propagate_to_scans
+from wiclosure.backends.estimate.measurements import Measurements
 from wiclosure.backends.estimate.start import better_starts
 from wiclosure.backends.factor_graph.factors import (
     Keys,
@@ -27,26 +27,21 @@ from wiclosure.backends.factor_graph.radio_factors import radio_factors
 from wiclosure.backends.least_squares.edges import degrees_of_freedom
 from wiclosure.backends.least_squares.settling import graduated, settle
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.types import BoolArray, FloatArray, RadioLinks, Trajectory
+from wiclosure.types import BoolArray, FloatArray
 
 
 def decide(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    rigid: Mapping[str, FloatArray],
-    settings: PoseGraphSettings,
+    measured: Measurements, rigid: Mapping[str, FloatArray], settings: PoseGraphSettings
 ) -> tuple[list[BoolArray], dict[str, FloatArray]]:
     """Inliers (one mask a set) and poses of all keyframes, from a graph of the keyframes that measurements hold.
 
     The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
     saves most of the time.
     """
-    if radio or settings.robust == "cauchy":
-        return _decide_with_factors(trajectories, sets, radio, rigid, settings)
-    rows = sum(map(len, sets))
-    team = TeamArrays.of(trajectories, _numbered(sets), np.zeros(rows, bool))
-    groups = components(list(trajectories), sets)
+    if measured.radio or settings.robust == "cauchy":
+        return _decide_with_factors(measured, rigid, settings)
+    trajectories, rows, groups = measured.trajectories, measured.closures, measured.groups
+    team = TeamArrays.of(trajectories, _numbered(measured.sets), np.zeros(rows, bool))
     limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
     starts = better_starts(team, groups, rigid, limit)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
@@ -59,7 +54,7 @@ def decide(
     for robot, trajectory in trajectories.items():
         keyframes = trajectory.subset(team.nodes[robot])
         moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
-    return _by_set(mask, sets), moved
+    return _by_set(mask, measured.sets), moved
 
 
 def _by_set(mask: BoolArray, sets: Sequence[ClosureSet]) -> list[BoolArray]:
@@ -76,15 +71,12 @@ def _numbered(sets: Sequence[ClosureSet]) -> list[ClosureSet]:
 
 
 def _decide_with_factors(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    rigid: Mapping[str, FloatArray],
-    settings: PoseGraphSettings,
+    measured: Measurements, rigid: Mapping[str, FloatArray], settings: PoseGraphSettings
 ) -> tuple[list[BoolArray], dict[str, FloatArray]]:
     """The same over GTSAM's factors: radio's are its own, and a kernel is."""
+    trajectories, sets, radio = measured.trajectories, measured.sets, measured.radio
     keys, nodes = Keys(tuple(trajectories)), keyframes_in_factors(trajectories, [*sets, *radio])
-    roots = {group[0] for group in components(list(trajectories), sets, radio)}
+    roots = {group[0] for group in measured.groups}
     anchors = [anchor(keys(r, 0), gtsam.Pose3(rigid[r][0]), loose=r not in roots) for r in trajectories]
     known = with_factors(
         odometry_factors(trajectories, [*sets, *radio], keys, nodes),

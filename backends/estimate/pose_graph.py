@@ -12,9 +12,10 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PoseGraphSettings
-from wiclosure.backends.estimate.frames import components, initial_frames
+from wiclosure.backends.estimate.frames import initial_frames
 from wiclosure.backends.estimate.graph_result import GraphResult
 from wiclosure.backends.estimate.inliers import decide
+from wiclosure.backends.estimate.measurements import Measurements
 from wiclosure.backends.estimate.two_stage import placed_in_two_stages
 from wiclosure.backends.factor_graph.earth_factors import Ground
 from wiclosure.backends.factor_graph.factors import (
@@ -77,15 +78,15 @@ def optimise(
         raise InputError("no trajectory to estimate; pass the keyframe trajectory of at least one robot")
     trajectories = _anchored(trajectories, settings.anchor)
     sets, unusable = closure_sets(closures, trajectories, settings.noise)
-    radio = radio if settings.radio else ()
-    found = _estimate(trajectories, sets, radio, settings, earth or EarthMeasurements())
-    kept = _kept(sets, found.inliers)
+    measured = Measurements(trajectories, sets, radio if settings.radio else ())
+    found = _estimate(measured, settings, earth or EarthMeasurements())
+    kept = measured.among(found.inliers)
     decisions = {row: Decision(False, reason) for row, reason in unusable.items()}
     for closure_set, mask in zip(sets, found.inliers, strict=True):
         decisions |= _decisions(closure_set, mask, found.poses, closures)
-    groups = components(list(trajectories), kept, radio)
+    groups = kept.groups
     graph, values = found.solved or (
-        _final_graph(trajectories, kept, radio, groups, found.poses, found.ground),
+        _final_graph(kept, found.poses, found.ground),
         values_of(found.poses),
     )
     result = GraphResult(
@@ -93,7 +94,7 @@ def optimise(
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=found.ground.joined(groups),
         closures=tuple(decided(closures, Stage.ESTIMATE, decisions)),
-        diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), kept, sets),
+        diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), kept.closures, measured.closures),
         graph=graph,
         values=values,
         sigma_scale=settings.sigma_scale,
@@ -121,21 +122,16 @@ def _anchored(trajectories: Mapping[str, Trajectory], anchor_robot: str) -> Mapp
     return {anchor_robot: trajectories[anchor_robot]} | dict(trajectories)
 
 
-def _estimate(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    settings: PoseGraphSettings,
-    earth: EarthMeasurements,
-) -> _Estimate:
+def _estimate(measured: Measurements, settings: PoseGraphSettings, earth: EarthMeasurements) -> _Estimate:
     """By the chosen optimiser; where that fails numerically, only the rigid start, and a sentence that says so."""
-    frames = initial_frames(trajectories, sets, radio)
+    trajectories, sets = measured.trajectories, measured.sets
+    frames = initial_frames(trajectories, sets, measured.radio)
     rigid = {r: frames[r] @ t.poses for r, t in trajectories.items()}
     try:
         if settings.optimiser == "joint":
-            return _joint(trajectories, sets, radio, rigid, settings, earth)
+            return _joint(measured, rigid, settings, earth)
         masks, frames = placed_in_two_stages(trajectories, sets, settings, earth)
-        groups = components(list(trajectories), _kept(sets, masks), radio)
+        groups = measured.among(masks).groups
         ground, poses = Ground.under(groups, {r: frames[r] @ t.poses for r, t in trajectories.items()}, earth)
         return _Estimate(masks, poses, ground.diagnosis, ground=ground)
     except RuntimeError as error:  # GTSAM's own, thrown for indeterminate systems
@@ -146,40 +142,25 @@ def _estimate(
 
 
 def _joint(
-    trajectories: Mapping[str, Trajectory],
-    sets: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    rigid: Mapping[str, FloatArray],
-    settings: PoseGraphSettings,
-    earth: EarthMeasurements,
+    measured: Measurements, rigid: Mapping[str, FloatArray], settings: PoseGraphSettings, earth: EarthMeasurements
 ) -> _Estimate:
     """First decide on the closures, then solve for all keyframes with the inliers."""
-    masks, poses = decide(trajectories, sets, radio, rigid, settings)
-    kept = _kept(sets, masks)
-    groups = components(list(trajectories), kept, radio)
-    ground, start = Ground.under(groups, _reset_unconnected(trajectories, groups, poses), earth)
-    graph = _final_graph(trajectories, kept, radio, groups, start, ground)
+    masks, poses = decide(measured, rigid, settings)
+    kept = measured.among(masks)
+    start = _reset_unconnected(measured.trajectories, kept.groups, poses)
+    ground, start = Ground.under(kept.groups, start, earth)
+    graph = _final_graph(kept, start, ground)
     values = least_squares(graph, values_of(start))
-    return _Estimate(masks, _poses(values, trajectories), ground.diagnosis, (graph, values), ground)
+    return _Estimate(masks, _poses(values, measured.trajectories), ground.diagnosis, (graph, values), ground)
 
 
-def _kept(sets: Sequence[ClosureSet], masks: Sequence[BoolArray]) -> list[ClosureSet]:
-    return [closure_set.subset(np.flatnonzero(mask)) for closure_set, mask in zip(sets, masks, strict=True)]
-
-
-def _final_graph(
-    trajectories: Mapping[str, Trajectory],
-    kept: Sequence[ClosureSet],
-    radio: Sequence[RadioLinks],
-    groups: Sequence[Sequence[str]],
-    poses: Mapping[str, FloatArray],
-    ground: Ground,
-) -> gtsam.NonlinearFactorGraph:
+def _final_graph(kept: Measurements, poses: Mapping[str, FloatArray], ground: Ground) -> gtsam.NonlinearFactorGraph:
     """Odometry, accepted closures, radio, what is known of the Earth, and the first pose of each component held."""
-    keys = Keys(tuple(trajectories))
-    anchors = [ground.anchor(group, keys(group[0], 0), poses[group[0]][0]) for group in groups]
-    measured = [*closure_factors(kept, keys), *radio_factors(radio, trajectories, keys), *ground.factors(keys)]
-    return with_factors(odometry_factors(trajectories, [*kept, *radio], keys), [*measured, *anchors])
+    trajectories, keys = kept.trajectories, Keys(tuple(kept.trajectories))
+    anchors = [ground.anchor(group, keys(group[0], 0), poses[group[0]][0]) for group in kept.groups]
+    radio = radio_factors(kept.radio, trajectories, keys)
+    measured = [*closure_factors(kept.sets, keys), *radio, *ground.factors(keys)]
+    return with_factors(odometry_factors(trajectories, [*kept.sets, *kept.radio], keys), [*measured, *anchors])
 
 
 def _reset_unconnected(
@@ -220,14 +201,11 @@ def _decisions(
     }
 
 
-def _connection_report(
-    groups: Sequence[Sequence[str]], kept: Sequence[ClosureSet], sets: Sequence[ClosureSet]
-) -> tuple[str, ...]:
+def _connection_report(groups: Sequence[Sequence[str]], kept: int, considered: int) -> tuple[str, ...]:
     """Sentences: what was rejected, and which robots could not be placed."""
-    lost = sum(map(len, sets)) - sum(map(len, kept))
-    sentences = [f"the estimate rejected {lost} of {sum(map(len, sets))} closures"] if lost else []
+    sentences = [f"the estimate rejected {considered - kept} of {considered} closures"] if kept < considered else []
     for group in groups[1:]:
-        names, verb = listed(group), "stays" if len(group) == 1 else "stay"
+        names, stays = listed(group), "it stays" if len(group) == 1 else "they stay"
         frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
-        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {verb} in {frame}")
+        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {stays} in {frame}")
     return tuple(sentences)

@@ -1,4 +1,4 @@
-"""Normal matrices of least squares over nodes of six degrees of freedom: sparse, ordered once, factorised often."""
+"""Normal matrices of least squares over nodes of a few degrees of freedom: sparse, ordered once, factorised often."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from wiclosure.types import FloatArray, IntArray
 
-DEGREES = 6
 HELD = 1e12  # information of a pose that is held
 LEAST_INFORMATION = 1e-9  # of any other: the matrix stays regular where nothing fixes the gauge
 
@@ -24,10 +23,10 @@ class Factorised:
     position: IntArray
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """`(N, 6, ...)` for `(N, 6, ...)`."""
+        """`(N, K, ...)` for `(N, K, ...)`."""
         ordered = np.empty_like(right)
         ordered[self.position] = right
-        solved = self.of.solve(ordered.reshape(DEGREES * len(right), -1)).reshape(right.shape)
+        solved = self.of.solve(ordered.reshape(right.shape[0] * right.shape[1], -1)).reshape(right.shape)
         return np.asarray(solved[self.position])
 
 
@@ -40,7 +39,7 @@ class NormalMatrix:
         order: `(4 M,)` of the edges' blocks by column and row of the ordered matrix.
         starts: in that order, where the blocks of one place begin.
         indices, pointers: of the compressed rows.
-        incidence: `(N, 2 M)`, one at each edge's ends.
+        ends: `(N, M)` matrices, one at each edge's first and at its second node.
     """
 
     position: IntArray
@@ -48,7 +47,7 @@ class NormalMatrix:
     starts: IntArray
     indices: IntArray
     pointers: IntArray
-    incidence: sp.csr_matrix
+    ends: tuple[sp.csr_matrix, sp.csr_matrix]
 
     @classmethod
     def of(cls, first: IntArray, second: IntArray, size: int) -> NormalMatrix:
@@ -60,14 +59,14 @@ class NormalMatrix:
         places = (rows * size + columns)[order]
         starts = np.flatnonzero(np.diff(places, prepend=-1))
         pointers = np.searchsorted(places[starts] // size, np.arange(size + 1))
-        ends = np.concatenate([first, second])
-        incidence = sp.csr_matrix((np.ones(len(ends)), (ends, np.arange(len(ends)))), shape=(size, len(ends)))
-        return cls(position, order, starts, places[starts] % size, pointers, incidence)
+        count = len(first)
+        ends = [sp.csr_matrix((np.ones(count), (of, np.arange(count))), shape=(size, count)) for of in (first, second)]
+        return cls(position, order, starts, places[starts] % size, pointers, (ends[0], ends[1]))
 
     def factorised(
         self, A: FloatArray, B: FloatArray, weights: FloatArray, held: IntArray, damping: float
     ) -> Factorised:
-        """Of whitened derivatives `(M, 6, 6)` by both ends of the edges, weighted `(M,)`.
+        """Of whitened derivatives `(M, K, K)` by both ends of the edges, weighted `(M,)`.
 
         Args:
             A: derivatives by the first end.
@@ -77,25 +76,26 @@ class NormalMatrix:
             damping: share of the diagonal that is added to it.
         """
         At, Bt = (np.swapaxes(weights[:, None, None] * J, 1, 2) for J in (A, B))
-        size = len(self.position)
-        shape = (DEGREES * size, DEGREES * size)
+        size, width = len(self.position), A.shape[-1]
+        shape = (width * size, width * size)
         if len(self.order):
             blocks = np.concatenate([At @ A, At @ B, Bt @ A, Bt @ B])[self.order]
             summed = np.add.reduceat(blocks, self.starts, axis=0)
             H = sp.bsr_matrix((summed, self.indices, self.pointers), shape=shape).tocsc()
         else:
             H = sp.csc_matrix(shape)
-        added = np.full((size, DEGREES), LEAST_INFORMATION)
+        added = np.full((size, width), LEAST_INFORMATION)
         added[self.position[held]] = HELD
         H = H + sp.diags(added.ravel() + damping * H.diagonal())
         of = splu(H.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         return Factorised(of, self.position)
 
     def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
-        """Sums `(N, 6, ...)` at the nodes of what the edges `(M, 6, ...)` have at either end."""
-        both = np.concatenate([at_first, at_second])
-        width = int(np.prod(both.shape[1:]))
-        return np.asarray((self.incidence @ both.reshape(len(both), width)).reshape(-1, *both.shape[1:]))
+        """Sums `(N, K, ...)` at the nodes of what the edges `(M, K, ...)` have at either end."""
+        count, *shape = at_first.shape
+        width = int(np.prod(shape))
+        summed = sum(of @ at.reshape(count, width) for of, at in zip(self.ends, (at_first, at_second), strict=True))
+        return np.asarray(summed).reshape(-1, *shape)
 
 
 def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntArray:

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.stats import f
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import Edges, System, degrees_of_freedom, mahalanobis_squared
-from wiclosure.backends.least_squares.normal_matrix import DEGREES
+from wiclosure.backends.least_squares.chordal import cheaper_start
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.system import STEPS, Descent, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -26,6 +27,8 @@ MU_GROWTH = 1.4  # of mu
 MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
+EDGES_AT_ONCE = 1024  # bounds memory
+FEW_STEPS = 5  # of Levenberg-Marquardt, in which an estimate without gross outliers converges
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these;
 # of those that came back, the worst alone
@@ -104,7 +107,7 @@ def graduated(
     the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
     from the last start, and it is the answer where it costs less than what came of them.
     """
-    system, count = System.of(odometry + loops, len(starts[0]), held), len(odometry)
+    system, count = System.of(odometry + loops, starts[0], held), len(odometry)
     for start in starts:
         plain = poses = system.solved(start)
         chi_square = system.chi_squares(poses)[count:]
@@ -157,39 +160,81 @@ def settle(
     """
     rng = np.random.default_rng(len(loops))
     rows = np.flatnonzero(inside)
-    system = System.of(odometry + loops.subset(rows), len(poses), held)
-    noise = rng.normal(size=(len(system.edges), DEGREES, SAMPLES))
+    system = System.of(odometry + loops.subset(rows), poses, held)
+    noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
     degrees = degrees_of_freedom(odometry.T, loops.T)
     for step in range(CHECK_ROUNDS):
-        weights = np.concatenate([np.ones(count), kept.astype(float)])
-        poses, moved = system.sampled(poses, weights, noise)
-        residuals = system.residuals(poses)
-        covariance = _residual_covariance(system, poses, moved, noise)
-        distance = mahalanobis_squared(residuals, covariance)
-        of_loops = distance[count:]
-        bound = fewest_errors(int((of_loops <= limit).sum()), of_loops[of_loops > limit], limit, degrees)
-        drop = kept & (of_loops > bound)
-        if drop.any():
-            drop &= of_loops >= np.where(locked, 1.0, WORST) * of_loops[drop].max()
-        admit = ~kept & (of_loops <= bound) & (locked < 2) if not drop.any() else np.zeros(len(rows), bool)
-        if step == CHECK_ROUNDS - 1 or not (drop.any() or admit.any()):
+        used, last = np.concatenate([np.ones(count, bool), kept]), step == CHECK_ROUNDS - 1
+        part = system.subset(used)
+        start = cheaper_start(part, poses)
+        descent = part.descent(start, np.ones(len(part.edges)), STEPS if last else FEW_STEPS)
+        if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
+            at_start = _Check.of(system, start, part.spread(Descent(start, False), noise[used]), noise)
+            _, drop, _ = _changes(at_start.distance[count:], kept, locked, limit, degrees)
+            if drop.any():
+                kept, locked = kept & ~drop, locked + drop
+                continue
+            descent = part.descent(descent.poses, np.ones(len(part.edges)))
+        poses, moved = descent.poses, part.spread(descent, noise[used])
+        check = _Check.of(system, poses, moved, noise)
+        of_loops = check.distance[count:]
+        bound, drop, admit = _changes(of_loops, kept, locked, limit, degrees)
+        if last or not (drop.any() or admit.any()):
             break
         locked += drop
         kept = (kept & ~drop) | admit
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
     found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
-    wander = se3.adjoint(poses) @ moved
     used = np.concatenate([np.ones(count, bool), kept])
-    checked = np.trace(covariance, axis1=1, axis2=2) > DEGREES * CHECKED
-    expected = np.diagonal(covariance, axis1=1, axis2=2)
-    components = VarianceComponents.of(residuals[used], expected[used], degrees)
-    return Settled(poses, wander, mask, found, distance[checked & used], components)
+    components = VarianceComponents.of(check.residuals[used], check.expected[used], degrees)
+    redundant = check.distance[used & (check.expected.mean(axis=1) > CHECKED)]
+    return Settled(poses, se3.adjoint(poses) @ moved, mask, found, redundant, components)
 
 
-def _residual_covariance(system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> FloatArray:
-    """`(M, 6, 6)` of the whitened residuals, as sampled."""
-    A, B = system.jacobians(poses)
-    sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
-    covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - DEGREES - 1)
-    return np.asarray(covariance + REDUNDANCY_FLOOR * np.eye(DEGREES))
+def _changes(
+    distance: FloatArray, kept: BoolArray, locked: IntArray, limit: float, degrees: int
+) -> tuple[float, BoolArray, BoolArray]:
+    """The bound on squared distances, and which closures to drop, the worst first, or else to admit.
+
+    Args:
+        distance: `(M,)` squared, of each closure from what the others predict.
+        kept: those in the estimate.
+        locked: how often each was dropped.
+        limit: squared distance from which a closure is an outlier.
+        degrees: of freedom.
+    """
+    bound = fewest_errors(int((distance <= limit).sum()), distance[distance > limit], limit, degrees)
+    drop = kept & (distance > bound)
+    if drop.any():
+        return bound, drop & (distance >= np.where(locked, 1.0, WORST) * distance[drop].max()), np.zeros_like(drop)
+    return bound, drop, ~kept & (distance <= bound) & (locked < 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Check:
+    """Edges against what those in the estimate predict.
+
+    Args:
+        residuals: `(M, K)` whitened.
+        expected: `(M, K)` variances of these, as sampled.
+        distance: `(M,)` squared Mahalanobis distances.
+    """
+
+    residuals: FloatArray
+    expected: FloatArray
+    distance: FloatArray
+
+    @classmethod
+    def of(cls, system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
+        """By the samples `moved (N, 6, S)` that `noise (M, K, S)` makes of the estimate."""
+        (A, B), moved, width = system.jacobians(poses), moved[:, system.free], len(system.free)
+        first, second, covariance = system.edges.first, system.edges.second, np.empty_like(A)
+        for start in range(0, len(A), EDGES_AT_ONCE):
+            rows = slice(start, start + EDGES_AT_ONCE)
+            sampled = noise[rows] + A[rows] @ moved[first[rows]] + B[rows] @ moved[second[rows]]
+            covariance[rows] = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - width - 1)
+        covariance += REDUNDANCY_FLOOR * np.eye(width)
+        residuals = system.residuals(poses)
+        expected = np.diagonal(covariance, axis1=1, axis2=2)
+        return cls(residuals, expected, mahalanobis_squared(residuals, covariance))

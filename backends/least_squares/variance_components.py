@@ -39,11 +39,14 @@ class VarianceComponents:
 
     @classmethod
     def of(cls, residuals: FloatArray, expected: FloatArray, degrees: int) -> VarianceComponents:
-        """From whitened residuals `(M, 6)` and the variances `(M, 6)` expected of them, for 3 or 6 degrees of freedom.
+        """From whitened residuals `(M, K)` and the variances `(M, K)` expected of them, for 3 or 6 degrees of freedom.
 
-        Whitening by a triangular matrix leaves the first three to rotation alone.
+        Whitening by a triangular matrix leaves the first three of six, the first of three, to rotation alone.
         """
-        parts = (slice(2, 3), slice(3, 5)) if degrees == 3 else (slice(0, 3), slice(3, 6))
+        if residuals.shape[1] == 3:
+            parts = slice(0, 1), slice(1, 3)
+        else:
+            parts = (slice(2, 3), slice(3, 5)) if degrees == 3 else (slice(0, 3), slice(3, 6))
         squared, redundancy = (
             np.array([of_edges[:, part].sum() for part in parts]) for of_edges in (residuals**2, expected)
         )

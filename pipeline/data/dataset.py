@@ -16,6 +16,7 @@ from wiclosure.pipeline.data.dataset_file import DATASET_FILE, read_dataset_file
 from wiclosure.pipeline.data.ground_truth import recorded_ground_truth
 from wiclosure.pipeline.data.odometry_reader import read_recorded_odometry
 from wiclosure.pipeline.data.recording import RobotRecording
+from wiclosure.pipeline.data.repeated_radio import each_once
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.unused import unused_radio
@@ -25,7 +26,7 @@ from wiclosure.pipeline.sources.bags import topic_names
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.suggestions import did_you_mean
-from wiclosure.types import Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import Trajectory, WirelessLog
 
 logger = logging.getLogger(__name__)
 
@@ -118,21 +119,22 @@ class Dataset:
         return Trajectory(robot, trajectory.stamps_ns + recording.time_offset_ns, trajectory.poses)
 
     def wireless_log(self, *, salvage: bool = False) -> WirelessLog:
-        """All measurements and headings of all logs and bags, each once, all clocks set right.
+        """All measurements and headings of all logs and bags, each once (`each_once`), all clocks set right.
 
         Raises:
             InputError: a log or bag cannot be read, or mentions a robot that the data set does not have.
         """
-        records = WirelessLog()
-        for source in self._sources():
-            records += self._known(read_radio(source, self.robots, salvage=salvage).log, source.path)
+        logs = [
+            (str(source.path), self._known(read_radio(source, self.robots, salvage=salvage).log, source.path))
+            for source in self._sources()
+        ]
         for robot, recording in self.robots.items():
             if bag_kind(recording.scans):
                 links = {topic: (robot, transmitter) for topic, transmitter in recording.ranges.items()}
                 log = read_wireless_topics(recording.scans, range_topics=links, salvage=salvage)
-                records += self._of_team(log, recording.scans)
+                logs.append((str(recording.scans), self._of_team(log, recording.scans)))
         self._say_unused(salvage=salvage)
-        return self._in_common_time(_each_once(records))
+        return self._in_common_time(each_once(logs))
 
     def _sources(self) -> Iterator[RadioSource]:
         """All sources, those of topics without a path once for each robot's bag that has the topic."""
@@ -240,13 +242,3 @@ def _named_recordings(args: Sequence[str]) -> dict[str, RobotRecording]:
             raise InputError(f"two robots are named {robot}; name them apart, as alpha=PATH beta=PATH")
         robots[robot] = RobotRecording(path)
     return robots
-
-
-def _each_once(log: WirelessLog) -> WirelessLog:
-    """Without repetitions: a log may be there as a file and as topics, in the bags of both robots."""
-    measurements: tuple[WirelessMeasurement, ...] = tuple(dict.fromkeys(log.measurements))
-    headings: tuple[Heading, ...] = tuple(dict.fromkeys(log.headings))
-    repeated = len(log.measurements) + len(log.headings) - len(measurements) - len(headings)
-    if repeated:
-        logger.info("%d wireless records are in several logs or bags and count once", repeated)
-    return WirelessLog(measurements, headings)

@@ -19,6 +19,7 @@ class StageLines:
 
     def __init__(self, name: str = "") -> None:
         self._begins = f"{name}: " if name else ""
+        self._last = ""
 
     def scan(self, robot: str, followed: Followed) -> None:
         """Says nothing: there are too many."""
@@ -54,4 +55,7 @@ class StageLines:
         self._say(f"map: {len(result.merged_map):,} points")
 
     def _say(self, line: str) -> None:
+        if line == self._last:  # of no closures there is nothing to register
+            return
+        self._last = line
         print(f"{self._begins}{line}", file=sys.stderr, flush=True)  # noqa: T201

@@ -127,7 +127,7 @@ def _draw_scale(axes: Axes, width_m: float, y_m: float) -> None:
 def _draw_apart(axes: Axes, view: MergedView, robots: Sequence[str]) -> None:
     """Robots that are not connected, in a box of their own beside the others: they have no place in their frame."""
     low, high = axes.get_xlim()
-    axes.set_xlim(low, low + (high - low) / (1.0 - _APART_SHARE))
+    axes.set_xlim(low, low + (high - low) / (1.0 - _APART_SHARE), auto=True)  # fixed ones oppose an equal aspect
     box = axes.inset_axes((1.0 - _APART_SHARE + 0.02, 0.02, _APART_SHARE - 0.04, 0.7), zorder=6)
     _draw_own_frames(box, view, robots)
     box.set(xticks=[], yticks=[], aspect="equal", facecolor="white")

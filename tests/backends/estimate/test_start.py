@@ -7,7 +7,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.backends.estimate.start import better_starts
-from wiclosure.backends.least_squares.edges import System
+from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 
 LIMIT = 16.8
@@ -33,7 +33,7 @@ def placed(team, drifted):
 
 def cost(arrays, poses):
     edges = arrays.robots.odometry + arrays.robots.loops
-    return System.of(edges, len(poses), np.zeros(0, np.int64)).chi_squares(poses).sum()
+    return System.of(edges, poses, np.zeros(0, np.int64)).chi_squares(poses).sum()
 
 
 def test_the_true_poses_stay(team_maker):

@@ -313,7 +313,7 @@ def test_full_disk_leaves_the_old_result(wiclosure: Call, monkeypatch: pytest.Mo
 def long_run(jobs: str) -> subprocess.Popen[str]:
     """A run in a group of processes of its own, with one robot that is soon read and one that is not."""
     write_kitti_folder("alpha", SCANS)
-    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(3000)])
+    write_kitti_folder("beta", [replace(OTHER[k % 6], stamp_ns=10**9 + k * 10**8) for k in range(1000)])
     words = ["run", "alpha", "beta", "--out", "run", "-q", "-j", jobs]
     command = [sys.executable, "-m", "wiclosure", *words]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)

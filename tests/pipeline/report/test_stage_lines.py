@@ -38,3 +38,10 @@ def test_a_line_for_each_stage(
     ] * 7
     StageLines().result(lost_run)
     assert "not connected: " in capsys.readouterr().err
+
+
+def test_where_nothing_is_proposed_it_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = StageLines()
+    lines.closures([])
+    lines.closures([])
+    assert capsys.readouterr().err == "matching: 0 closures proposed\n"

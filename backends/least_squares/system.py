@@ -1,0 +1,184 @@
+"""Least squares over relative poses, and what the noise of the measurements does to the estimate.
+
+Everything here is vectorised over the edges; the sparse normal equations are solved by `normal_matrix`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMatrix
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+STEPS = 150  # of Levenberg-Marquardt, those taken back included
+CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
+LEAST_DAMPED = 1e-6
+MOST_DAMPED = 1e8
+AS_PREDICTED = 0.5  # share of the decrease that the linearised cost predicts, from which steps are damped less
+LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
+IN_PLANE = np.array([2, 3, 4])  # yaw, x and y of a tangent vector
+OUT_OF_PLANE = np.array([0, 1, 5])
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """What came of some steps.
+
+    Args:
+        poses: `(N, 4, 4)`.
+        converged: whether the last step hardly lowered the cost.
+        last: derivatives by both ends and normal equations of the last step, if it has converged undamped.
+    """
+
+    poses: FloatArray
+    converged: bool
+    last: tuple[tuple[FloatArray, FloatArray], Factorised] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Edges over `size` nodes, linearised where the poses are; the nodes `held` do not move.
+
+    Args:
+        edges: the measurements.
+        size: number of nodes.
+        held: nodes.
+        free: components `(K,)` of the tangent vectors that the nodes move in: all six, or three in the plane.
+        W: `(M, K, K)` whiteners of the errors in these.
+    """
+
+    edges: Edges
+    size: int
+    held: IntArray
+    free: IntArray
+    W: FloatArray
+
+    @classmethod
+    def of(cls, edges: Edges, poses: FloatArray, held: IntArray) -> System:
+        """Of nodes that begin at the poses `(N, 4, 4)`; covariances are inverted once."""
+        free = _free(edges, poses)
+        return cls(edges, len(poses), np.asarray(held), free, whiteners(edges.covariance[:, free[:, None], free]))
+
+    def subset(self, rows: BoolArray) -> System:
+        """Of the edges at `rows`."""
+        if rows.all():
+            return self
+        return System(self.edges.subset(rows), self.size, self.held, self.free, self.W[rows])
+
+    @cached_property
+    def normal(self) -> NormalMatrix:
+        """Where the normal matrix is not zero, and in what order it is eliminated."""
+        return NormalMatrix.of(self.edges.first, self.edges.second, self.size)
+
+    def residuals(self, poses: FloatArray) -> FloatArray:
+        """Whitened errors `(M, K)`."""
+        return np.asarray((self.W @ self.edges.errors(poses)[:, self.free, None])[..., 0])
+
+    def chi_squares(self, poses: FloatArray) -> FloatArray:
+        """Squared Mahalanobis distances `(M,)`."""
+        return np.asarray(np.sum(self.residuals(poses) ** 2, axis=1))
+
+    def cost(self, poses: FloatArray) -> float:
+        """Sum of the squared distances."""
+        return float(self.chi_squares(poses).sum())
+
+    def jacobians(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Whitened derivatives `(M, K, K)` by perturbations of both ends in their bodies."""
+        T_first_second = se3.between(poses[self.edges.first], poses[self.edges.second])
+        error = se3.log(se3.between(self.edges.T, T_first_second))
+        moved = (slice(None), self.free[:, None], self.free)
+        by_second = self.W @ _inverse_right_jacobian(error)[moved]
+        return -by_second @ se3.adjoint(se3.inverse(T_first_second))[moved], by_second
+
+    def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
+        """`J^T r` `(N, K, ...)` for weighted residuals `(M, K, ...)`."""
+        columns = residuals if residuals.ndim == 3 else residuals[..., None]
+        at_first, at_second = (np.swapaxes(J, 1, 2) @ columns for J in jacobians)
+        return self.normal.gathered(at_first, at_second).reshape(self.size, *residuals.shape[1:])
+
+    def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
+        """Levenberg-Marquardt from the poses `(N, 4, 4)`.
+
+        Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
+        """
+        w = np.ones(len(self.edges)) if weights is None else weights
+        return self.subset(w > 0).descent(poses, w[w > 0], steps).poses
+
+    def spread(self, descent: Descent, noise: FloatArray) -> FloatArray:
+        """What noise does to an estimate: `(N, 6, S)` for whitened `(M, K, S)`, to first order.
+
+        About where its last step began, if that was not damped: it hardly moved.
+        """
+        if descent.last:
+            J, factorised = descent.last
+        else:
+            J = self.jacobians(descent.poses)
+            factorised = self.normal.factorised(*J, np.ones(len(self.edges)), self.held, 0.0)
+        return self._tangents(factorised.solve(-self.gradient(J, noise)))
+
+    def _tangents(self, moved: FloatArray) -> FloatArray:
+        """`(N, 6, ...)` of movements `(N, K, ...)`."""
+        if len(self.free) == DEGREES:
+            return moved
+        tangents = np.zeros((len(moved), DEGREES, *moved.shape[2:]))
+        tangents[:, self.free] = moved
+        return tangents
+
+    def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
+        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`."""
+        damping, cost = 0.0, float(w @ self.chi_squares(poses))
+        J, residuals = self.jacobians(poses), self.residuals(poses)
+        gradient = self.gradient(J, w[:, None] * residuals)
+        for _ in range(steps):
+            factorised = self.normal.factorised(*J, w, self.held, damping)
+            step = factorised.solve(-gradient)
+            moved = poses @ se3.exp(self._tangents(step))
+            decrease = cost - float(w @ self.chi_squares(moved))
+            if not decrease >= 0:
+                damping = max(10.0 * damping, LEAST_DAMPED)
+                if damping > MOST_DAMPED:
+                    return Descent(poses, True)
+                continue
+            last = (J, factorised) if damping == 0.0 else None
+            if decrease >= AS_PREDICTED * (cost - float(w @ self._linearised(J, residuals, step))):
+                damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
+            poses, cost = moved, cost - decrease
+            if decrease <= CONVERGED * (cost + 1e-9):
+                return Descent(poses, True, last)
+            J, residuals = self.jacobians(poses), self.residuals(poses)
+            gradient = self.gradient(J, w[:, None] * residuals)
+        return Descent(poses, False)
+
+    def _linearised(
+        self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray, step: FloatArray
+    ) -> FloatArray:
+        """Squared distances `(M,)` that the derivatives predict after a step `(N, K)`."""
+        A, B = jacobians
+        moved = A @ step[self.edges.first, :, None] + B @ step[self.edges.second, :, None]
+        return np.asarray(np.sum((residuals + moved[..., 0]) ** 2, axis=1))
+
+
+def whiteners(covariance: FloatArray) -> FloatArray:
+    """`(M, K, K)` matrices W with `W Sigma W^T = I`."""
+    L = np.linalg.cholesky(covariance + LEAST_VARIANCE * np.eye(covariance.shape[-1]))
+    return np.asarray(np.linalg.inv(L))
+
+
+def _free(edges: Edges, poses: FloatArray) -> IntArray:
+    """In the plane where all measurements and poses are, and errors there are independent of those out of it."""
+    apart = not edges.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE].any()
+    planar = degrees_of_freedom(edges.T, se3.between(poses[edges.first], poses[edges.second])) == len(IN_PLANE)
+    return IN_PLANE if apart and planar else np.arange(DEGREES)
+
+
+def _inverse_right_jacobian(xi: FloatArray) -> FloatArray:
+    """Of the logarithm on SE(3), to second order: `I + ad / 2 + ad^2 / 12`."""
+    ad = np.zeros((len(xi), 6, 6))
+    ad[:, :3, :3] = ad[:, 3:, 3:] = se3.skew(xi[:, :3])
+    ad[:, 3:, :3] = se3.skew(xi[:, 3:])
+    return np.asarray(np.eye(6) + 0.5 * ad + (ad @ ad) / 12.0)
