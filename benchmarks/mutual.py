@@ -1,6 +1,6 @@
 """Whole runs whose radio has one systematic error: is the map ever worse for having a radio, and is the radio named?
 
-    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--show]
+    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond] [--correct]
 
 Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
 that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
@@ -13,11 +13,12 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from mutual_faults import BEYOND, FAULTS, Fault
 
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
@@ -27,10 +28,10 @@ from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
-from wiclosure.types import AoaFrame, AoaPath, Heading, Scan, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import Scan, Trajectory
+from wiclosure.wiclosure_filter.config import FilterSettings
 
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
-FEET = 3.28084
 LIMIT, SLACK_M = 1.05, 0.05
 NAMED = (
     "the likely fault",
@@ -40,88 +41,6 @@ NAMED = (
     "systematic error beyond the usual: range",
     "systematic error beyond the usual: clock",
 )
-
-
-# Faults of a log ---------------------------------------------------------------------------------------------------
-
-
-Fault = Callable[[WirelessLog], WirelessLog]
-
-
-def each(change: Callable[[WirelessMeasurement], WirelessMeasurement]) -> Fault:
-    """Measurements changed one by one."""
-    return lambda log: replace(log, measurements=tuple(change(m) for m in log.measurements))
-
-
-def azimuths(change: Callable[[float], float]) -> Fault:
-    """Directions of arrival changed."""
-
-    def changed(path: AoaPath) -> AoaPath:
-        return replace(path, azimuth=float(np.remainder(change(path.azimuth) + np.pi, 2 * np.pi) - np.pi))
-
-    return each(lambda m: replace(m, paths=tuple(map(changed, m.paths))))
-
-
-def ranges(change: Callable[[float], float], sigma: float = 1.0) -> Fault:
-    """Ranges changed."""
-    return each(
-        lambda m: (
-            m
-            if m.range_m is None or m.range_sigma_m is None
-            else replace(m, range_m=abs(change(m.range_m)), range_sigma_m=sigma * m.range_sigma_m)
-        )
-    )
-
-
-def clocks(seconds: float) -> Fault:
-    """The clock of the later robot of each pair is ahead, as its own log would have it: its pose is looked up late."""
-    late_ns = round(seconds * 1e9)
-
-    def shifted(m: WirelessMeasurement) -> WirelessMeasurement:
-        sent_ns = m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns
-        if m.receiver < m.transmitter:
-            return replace(m, transmitter_stamp_ns=sent_ns + late_ns)
-        return replace(m, stamp_ns=m.stamp_ns + late_ns, transmitter_stamp_ns=sent_ns)
-
-    return each(shifted)
-
-
-def claimed(frame: AoaFrame) -> Fault:
-    """The wrong `aoa_frame`."""
-    return each(lambda m: replace(m, aoa_frame=frame))
-
-
-def compass(degrees: float) -> Fault:
-    """The compass of the robot that is last by name is turned."""
-
-    def spoil(log: WirelessLog) -> WirelessLog:
-        last, off = max(log.robots()), np.radians(degrees)
-
-        def turned(h: Heading) -> Heading:
-            return replace(h, heading=float(h.heading + off)) if h.robot == last else h
-
-        return replace(log, headings=tuple(map(turned, log.headings)))
-
-    return spoil
-
-
-FAULTS: Mapping[str, Fault] = {
-    "honest": lambda log: log,
-    "clocks 0.5 s": clocks(0.5),
-    "clocks 2 s": clocks(2.0),
-    "azimuth clockwise": azimuths(lambda a: -a),
-    "azimuth from the left": azimuths(lambda a: a - np.pi / 2),
-    "azimuth reversed": azimuths(lambda a: a + np.pi),
-    "azimuth +20 deg": azimuths(lambda a: a + np.radians(20)),
-    "azimuth in degrees": azimuths(np.degrees),
-    "ranges in feet": ranges(lambda r: FEET * r, FEET),
-    "ranges +3 m": ranges(lambda r: r + 3.0),
-    "sigmas a tenth": ranges(lambda r: r, 0.1),
-    "aoa_frame odometry": claimed("odometry"),
-    "ids swapped": each(lambda m: replace(m, receiver=m.transmitter, transmitter=m.receiver)),
-    "compass +20 deg": compass(20.0),
-    "compass +180 deg": compass(180.0),
-}
 
 
 # Data --------------------------------------------------------------------------------------------------------------
@@ -205,24 +124,32 @@ class Outcome:
         return self.connected < other.connected or self.ate_m > max(LIMIT * other.ate_m, other.ate_m + SLACK_M)
 
 
+def configured(*, correct: bool) -> Config:
+    """The strong preset."""
+    return Config(filter=FilterSettings(accept_correction=correct))
+
+
 def main() -> None:
     """Prints the rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", default=",".join([*SCENARIOS, "kitti-0005"]))
     parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
+    parser.add_argument("--beyond", action="store_true", help="faults that nothing was written for")
+    parser.add_argument("--correct", action="store_true", help="with --accept-correction")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated world")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--show", action="store_true", help="print the diagnosis of every run")
     arguments = parser.parse_args()
     words = [word for word in arguments.faults.split(",") if word]
+    faults = BEYOND if arguments.beyond else FAULTS
     print(f"{'data':14} {'run':22} {'ATE m':>7} {'robots':>6} {'closures':>8} {'false':>5} {'named':>5} {'s':>6}")
     for name in arguments.data.split(","):
-        inputs, config, progress = inputs_of(name, arguments.seed), Config(), NoProgress()
+        inputs, config, progress = inputs_of(name, arguments.seed), configured(correct=arguments.correct), NoProgress()
         cache = StageCache(default_cache_folder())
         prepared = prepare(inputs, config, cache=cache, jobs=arguments.jobs, progress=progress)
         runs: dict[str, tuple[str, Fault]] = {"none": ("none", FAULTS["honest"])}
-        chosen = [fault for fault in FAULTS if not words or any(word in fault for word in words)]
-        runs |= {fault: ("wiclosure", FAULTS[fault]) for fault in chosen}
+        chosen = [fault for fault in faults if not words or any(word in fault for word in words)]
+        runs |= {fault: ("wiclosure", faults[fault]) for fault in chosen}
         without: Outcome | None = None
         for label, (filter_name, spoil) in runs.items():
             spoilt = replace(inputs, wireless=spoil(inputs.wireless))

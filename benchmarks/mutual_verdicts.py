@@ -15,7 +15,7 @@ import argparse
 from collections import Counter
 
 import numpy as np
-from mutual import FAULTS
+from mutual_faults import FAULTS
 
 from wiclosure import se3
 from wiclosure.drift import DriftModel

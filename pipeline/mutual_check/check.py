@@ -14,9 +14,11 @@ import numpy as np
 from scipy import stats
 
 from wiclosure import se3
+from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
 from wiclosure.types import (
@@ -71,14 +73,23 @@ class PairCheck:
         weighed: the verdict; None where no set of closures contradicts the radio.
         blind: closures that were registered without prediction.
         lost: closures of the first round that are rejected.
-        sentence: for the user; empty where there is nothing to say.
+        found: the set of closures, and how it contradicts the radio, as a clause.
     """
 
     pair: Pair
     weighed: Weighed | None = None
     blind: tuple[Closure, ...] = ()
     lost: frozenset[tuple[KeyframeId, KeyframeId]] = frozenset()
-    sentence: str = ""
+    found: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """For the user; empty where there is nothing to say."""
+        return self.said()
+
+    def said(self, by_map: Contradiction | None = None) -> str:
+        """The same, with the cause that a merged map tells, where there is one: it knows more than one set did."""
+        return "" if self.weighed is None else _sentence(self.pair, self.weighed, self.found, by_map)
 
     @property
     def drops_radio(self) -> bool:
@@ -123,7 +134,7 @@ def check_pair(
         return nothing
     inliers = outcome.live if weighed.verdict is Verdict.RADIO else ()
     lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(inliers))
-    return PairCheck(outcome.pair, weighed, found.blind, lost, _sentence(outcome.pair, weighed, closures, found.gap))
+    return PairCheck(outcome.pair, weighed, found.blind, lost, _clause(closures, found.gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +166,10 @@ def _found(
             return _Found()
         blind = tuple(register_blindly(outcome.pair, contradicting))
         pools = [blind]
+    # What a published threshold calls consistent would make evidence of what agrees by chance.
+    judged_by = PcmSettings(noise=config.pcm.noise) if config.pcm.published else config.pcm
     for pool in pools:
-        agreeing = survivors(pairwise_consistent(pool, both, config.pcm).closures, Stage.CONSISTENCY)
+        agreeing = survivors(pairwise_consistent(pool, both, judged_by).closures, Stage.CONSISTENCY)
         if len(agreeing) > 1:
             others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
             return _Found(agreeing, others, blind, _gap(outcome.kept, agreeing, config.registration))
@@ -238,13 +251,18 @@ def _gap(kept: CandidatePairs, closures: Sequence[Closure], settings: Registrati
     )
 
 
-def _sentence(pair: Pair, weighed: Weighed, closures: Agreement, gap: _Gap | None) -> str:
-    found = f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" lie {gap}")
+def _clause(closures: Agreement, gap: _Gap | None) -> str:
+    return f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" lie {gap}")
+
+
+def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | None) -> str:
     odds = f"10^{weighed.log_odds / np.log(10):.0f} to 1" if weighed.log_odds < 700 else "beyond doubt"
     fault = f"most likely: {weighed.cause}"
+    if by_map is not None and by_map.causes:
+        odds, fault = by_map.odds, f"by where the merged map has the robots: {by_map.likely}"
     said = {
-        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; {found}; its measurements between these"
-        " robots are left out",
+        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; it contradicts {found}; its measurements"
+        " between these robots are left out",
         Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): {found}, and its measurements allow"
         " that as well; it was less certain than it seemed, and is left out between these robots",
         Verdict.RADIO: f"places that look alike are the likely fault ({odds}): {found}, but contradict the radio, which"
@@ -254,4 +272,7 @@ def _sentence(pair: Pair, weighed: Weighed, closures: Agreement, gap: _Gap | Non
         Verdict.UNDECIDED: f"undecided ({np.exp(min(weighed.log_odds, 9.0)):.0f} to 1): {found} and contradict the"
         f" radio; the radio may be at fault, {fault}, or the places look alike; no closure between them is accepted",
     }
-    return f"{pair[0]} and {pair[1]}: {said[weighed.verdict]}"
+    verdict = weighed.verdict
+    if verdict is Verdict.COMPATIBLE and by_map is not None and by_map.causes:
+        verdict = Verdict.CLOSURES
+    return f"{pair[0]} and {pair[1]}: {said[verdict]}"

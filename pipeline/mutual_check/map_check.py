@@ -19,6 +19,7 @@ from wiclosure.types import Closure, FloatArray, IntArray, Stage, Trajectory, Wi
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
+from wiclosure.wiclosure_filter.faults.corrections import Correction
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
@@ -66,20 +67,28 @@ class Contradiction:
 
     Args:
         log_odds: natural logarithm of the odds that something is wrong.
-        causes: what is likely wrong with the log; empty where no known error explains it.
+        causes: what is likely wrong with the log, and would undo it; empty where no known error explains it.
     """
 
     log_odds: float
-    causes: tuple[str, ...] = ()
+    causes: tuple[Correction, ...] = ()
+
+    @property
+    def odds(self) -> str:
+        """That something is wrong."""
+        return f"10^{self.log_odds / np.log(10):.0f} to 1"
+
+    @property
+    def likely(self) -> str:
+        """The causes, likeliest first."""
+        return ", or ".join(cause.fault for cause in self.causes)
 
     def __str__(self) -> str:
-        odds = f"10^{self.log_odds / np.log(10):.0f} to 1"
         if self.causes:
-            causes = ", or ".join(self.causes)
-            return f"by where the merged map has the robots, the radio is the likely fault ({odds}): {causes}"
+            return f"by where the merged map has the robots, the radio is the likely fault ({self.odds}): {self.likely}"
         return (
-            f"radio and merged map contradict each other ({odds}), and no known error of a log explains it: the radio"
-            " may be at fault, or closures of places that look alike"
+            f"radio and merged map contradict each other ({self.odds}), and no known error of a log explains it: the"
+            " radio may be at fault, or closures of places that look alike"
         )
 
 
@@ -152,12 +161,12 @@ def contradiction(pair: MergedPair, log: WirelessLog, settings: MutualCheckSetti
     if each[order[0]].max() < _FITS:
         return Contradiction(log_odds)
     likely = [n for n in order[:_NAMED] if wrong[n] > wrong[order[0]] - np.log(settings.decisive_odds)]
-    return Contradiction(log_odds, tuple(_fault(tried[n], each[n]) for n in likely))
+    return Contradiction(log_odds, tuple(_likeliest(tried[n], each[n]) for n in likely))
 
 
-def _fault(reading: Reading, found: FloatArray) -> str:
-    """By the likeliest size."""
-    return reading.corrections[int(np.argmax(found))].fault
+def _likeliest(reading: Reading, found: FloatArray) -> Correction:
+    """Of its sizes."""
+    return reading.corrections[int(np.argmax(found))]
 
 
 def _noise_m(observations: Observations) -> FloatArray:

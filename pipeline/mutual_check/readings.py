@@ -26,7 +26,8 @@ _CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)
 _BIASES_M = tuple(m for m in np.arange(-5.0, 5.5, 0.5).tolist() if m)
 _SCALES = tuple(s for s in np.round(np.arange(-0.16, 0.17, 0.02), 2).tolist() if s)
 _TURNS_RAD = tuple(np.radians([d for d in range(-170, 180, 10) if d % 90]).tolist())  # quarters are errors of their own
-_SIGMA_FACTORS = (3.0, 10.0)
+_LATE_S = tuple(s for s in np.arange(-5.0, 5.5, 0.5).tolist() if s)
+_SIGMA_FACTORS = (3.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +55,11 @@ def readings(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPri
     apart = {c.fault for c in (*clocks.corrections, *map(sigmas_too_small, _SIGMA_FACTORS))}
     known = [c for c in corrections(robot_a, robot_b, log) if c.fault not in apart]
     found = [Reading((correction,), correction.of_log) for correction in known]
-    found.append(clocks)
+    found += [clocks, _sized(_stamps_late, _LATE_S, usual.clock_s)]
     ranged, directed = (any(has(m) for m in log.measurements) for has in (_has_range, _has_paths))
     if ranged:
         found.append(_sized(ranges_off, _BIASES_M, usual.range_bias_m))
+        found += [Reading((_ranges_times(factor),), True) for factor in (0.5, 2.0)]
         found.append(
             _sized(lambda size: _ranges_scaled(1.0 + size), _SCALES, float(np.hypot(usual.range_scale, usual.scale)))
         )
@@ -96,13 +98,33 @@ def _each(fault: str, change: Callable[[WirelessMeasurement], WirelessMeasuremen
     return Correction(fault, lambda inputs: (inputs[0], changed(inputs[1])))
 
 
+def _stamps_late(seconds: float) -> Correction:
+    """Of a log whose clock is not that of the scans."""
+    late_ns = round(seconds * 1e9)
+
+    def shifted(m: WirelessMeasurement) -> WirelessMeasurement:
+        sent_ns = None if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns - late_ns
+        return replace(m, stamp_ns=m.stamp_ns - late_ns, transmitter_stamp_ns=sent_ns)
+
+    side = "ahead of" if seconds > 0 else "behind"
+    return _each(f"the log's stamps seem to be about {abs(seconds):g} s {side} those of the scans", shifted)
+
+
 def _ranges_scaled(factor: float) -> Correction:
     side = "long" if factor < 1 else "short"
+    return _ranges_by(f"ranges are about {abs(100 / factor - 100):.0f} % too {side} for the odometry", factor)
 
+
+def _ranges_times(factor: float) -> Correction:
+    size = "twice" if factor < 1 else "half"
+    return _ranges_by(f"ranges are {size} the distance, as if time of flight were taken for the wrong way", factor)
+
+
+def _ranges_by(fault: str, factor: float) -> Correction:
     def scaled(m: WirelessMeasurement) -> WirelessMeasurement:
         return m if m.range_m is None else replace(m, range_m=factor * m.range_m)
 
-    return _each(f"ranges are about {abs(100 / factor - 100):.0f} % too {side} for the odometry", scaled)
+    return _each(fault, scaled)
 
 
 _DIRECTIONS_WRONG = _each(

@@ -6,21 +6,23 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.consistency.pcm import PcmResult, pairwise_consistent
 from wiclosure.backends.estimate.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction, held_against_map
+from wiclosure.pipeline.mutual_check.verdicts import corrected, out_of_time, sentences
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
-from wiclosure.pipeline.stages.attempts import Attempts
+from wiclosure.pipeline.stages.attempts import Attempt, Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.run_result import Solution
 from wiclosure.pipeline.stages.viewer import Viewer
@@ -46,75 +48,85 @@ def solve(
     """Filter, match, register, check radio and closures against each other, check consistency, optimise."""
     keyframes = {robot: front.keyframes for robot, front in fronts.items()}
     attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress, viewer)
-    attempt, checks = attempts.settled(wireless)
-    took = Stopwatch()
-    with took.time("optimisation"):
-        consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
-        settings = config.pose_graph.scaled(consistent.scale)
-        graph = optimise(keyframes, consistent.closures, settings, attempt.filtered.links, earth)
+    took, corrects, corrections = Stopwatch(), config.filter.accept_correction, tuple[str, ...]()
+    found = _estimated(attempts, wireless, earth, took)
+    if corrects and any(contradiction.causes for contradiction in found.by_map.values()):
+        log, corrections = corrected(wireless, found.by_map)
+        found = _estimated(attempts, log, earth, took)
 
-    filtered = attempt.filtered
-    said = (*filtered.diagnosis, *(one.sentence for one in checks if one.sentence))
-    with took.time("check"):
-        contradicted = _held_against_map(fronts, graph, wireless, config, said) if filtered.alignments else ()
+    filtered, closures = found.attempt.filtered, found.graph.closures
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
     return Solution(
         filtered=filtered,
-        matched=attempt.matched,
-        closures=graph.closures,
-        graph=graph,
+        matched=found.attempt.matched,
+        closures=closures,
+        graph=found.graph,
         seconds=seconds,
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
-        bytes_exchanged=_bytes_exchanged(filtered, graph.closures, fronts),
+        bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         diagnosis=(
-            *said,
-            *contradicted,
-            *_nothing_left(filtered, attempt.matched, graph.closures),
-            *_own_loops(graph.closures),
-            *_nothing_to_merge(fronts, graph.closures),
-            *consistent.diagnosis,
-            *graph.diagnosis,
+            *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
+            *corrections,
+            *sentences(filtered, found.checks, found.by_map, corrects=corrects),
+            *_nothing_left(filtered, found.attempt.matched, closures),
+            *_own_loops(closures),
+            *_nothing_to_merge(fronts, closures),
+            *found.consistent.diagnosis,
+            *found.graph.diagnosis,
         ),
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """Of one log.
+
+    Args:
+        attempt: closures, as filter, matching, registration and radio check left them.
+        checks: pairs of robots of which radio and closures told differently.
+        consistent: closures that agree.
+        graph: the estimate.
+        by_map: measurements that the merged map contradicts.
+    """
+
+    attempt: Attempt
+    checks: Sequence[PairCheck]
+    consistent: PcmResult
+    graph: GraphResult
+    by_map: Mapping[Pair, Contradiction]
+
+
+def _estimated(
+    attempts: Attempts, wireless: WirelessLog, earth: EarthMeasurements | None, took: Stopwatch
+) -> _Estimate:
+    config = attempts.config
+    attempt, checks = attempts.settled(wireless)
+    with took.time("optimisation"):
+        consistent = pairwise_consistent(attempt.closures, attempts.keyframes, config.pcm)
+        settings = config.pose_graph.scaled(consistent.scale)
+        graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
+    with took.time("check"):
+        heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
+        by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else {}
+    return _Estimate(attempt, checks, consistent, graph, by_map)
+
+
 def _held_against_map(
-    fronts: Mapping[str, FrontEndResult],
-    graph: GraphResult,
-    wireless: WirelessLog,
-    config: Config,
-    said: Sequence[str],
-) -> tuple[str, ...]:
-    """A sentence for each two robots of a map whose measurements of each other it contradicts."""
-    if not config.mutual_check.enabled:
-        return ()
-    merged = {
-        robot: replace(path, finer=propagate_to_scans(fronts[robot].scans, fronts[robot].keyframes, path))
-        for robot, path in graph.trajectories.items()
-    }
-    told = [
-        held_against_map(
-            {robot: merged[robot] for robot in component},
-            graph.closures,
-            wireless,
-            config.filter.alignment,
-            config.mutual_check,
-        )
-        for component in graph.components
-        if len(component) > 1
-    ]
-    return tuple(
-        f"{a} and {b}: {found}"
-        for one in told
-        for (a, b), found in one.items()
-        if not any(sentence.startswith(f"{a} and {b}: ") and _names(sentence, found) for sentence in said)
-    )
-
-
-def _names(sentence: str, found: Contradiction) -> bool:
-    """Whether it was said without a map already."""
-    return any(cause in sentence for cause in found.causes)
+    fronts: Mapping[str, FrontEndResult], graph: GraphResult, wireless: WirelessLog, config: Config
+) -> dict[Pair, Contradiction]:
+    """By two robots of a map, how it contradicts their measurements of each other."""
+    found: dict[Pair, Contradiction] = {}
+    for component in graph.components:
+        paths = {robot: graph.trajectories[robot] for robot in component}
+        merged = {
+            robot: replace(path, finer=propagate_to_scans(fronts[robot].scans, fronts[robot].keyframes, path))
+            for robot, path in paths.items()
+        }
+        if len(merged) > 1:
+            settings = config.filter.alignment, config.mutual_check
+            found |= held_against_map(merged, graph.closures, wireless, *settings)
+    return found
 
 
 def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts: Mapping[str, FrontEndResult]) -> int:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import i0e
 
 from wiclosure.types import BoolArray, FloatArray, IntArray
 from wiclosure.wiclosure_filter.config import RadioModel
@@ -99,7 +100,7 @@ class Mixture:
     @property
     def peak(self) -> FloatArray:
         """`(M, K)` weight times peak density over uniform density, of each path."""
-        density = np.where(self.observations.flat, np.sqrt(2 * np.pi * self.kappa), 2 * self.kappa)
+        density = np.where(self.observations.flat, 1 / i0e(self.kappa), 2 * self.kappa / -np.expm1(-2 * self.kappa))
         return np.asarray((1 - self.radio.direct_path_absent) * self.observations.weight * density)
 
     def ranges(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

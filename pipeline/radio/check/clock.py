@@ -62,16 +62,17 @@ def check_overlap(log: Span, poses: Span, read: TimeUnit = "s") -> Finding | Non
     if log.overlaps(poses):
         return None
     apart = f"the log covers {_span(log)}, the trajectories {_span(poses)}: no overlap"
-    as_read = NANOSECONDS.get(read, 100)
-    for unit, ns in NANOSECONDS.items():
-        if ns != as_read and Span(log.first_ns * ns // as_read, log.last_ns * ns // as_read).mostly_in(poses):
-            return Finding("overlap", "suspect", f"{apart}; read as {unit} the stamps fit", None, {"stamp_unit": unit})
+    # First what keeps the log as long as it is: as milliseconds, a short one fits nearly anywhere.
     half_hours = round((poses.first_ns - log.first_ns) / (_HOUR_NS // 2))
     moved_ns = half_hours * (_HOUR_NS // 2)
     if abs(half_hours) <= 28 and Span(log.first_ns + moved_ns, log.last_ns + moved_ns).mostly_in(poses):
         hours = half_hours / 2
         text = f"{apart}; moved by {hours:+g} hours it fits: a time zone"
         return Finding("overlap", "suspect", text, None, {"time_offset": round(hours * 3600)})
+    as_read = NANOSECONDS.get(read, 100)
+    for unit, ns in NANOSECONDS.items():
+        if ns != as_read and Span(log.first_ns * ns // as_read, log.last_ns * ns // as_read).mostly_in(poses):
+            return Finding("overlap", "suspect", f"{apart}; read as {unit} the stamps fit", None, {"stamp_unit": unit})
     if (epoch := other_epoch(*log, *poses)) is not None:
         offset_s = -epoch.before_1970_ns * 1e-9
         text = f"{apart}; the log's stamps fit as times {epoch.name}"

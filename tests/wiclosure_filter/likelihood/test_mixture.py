@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import i0e
 
 from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
@@ -34,14 +35,20 @@ def at(azimuth: float, distance_m: float) -> np.ndarray:
 def test_one_bearing_of_two_paths_by_hand() -> None:
     paths = (AoaPath(0.3, 0.1, weight=3.0), AoaPath(2.0, 0.2, weight=1.0))
     mixture = mixture_of(WirelessMeasurement(0, "a", "b", paths=paths))
-    first = 0.75 * np.sqrt(2 * np.pi) / 0.1 * np.exp((np.cos(0.4 - 0.3) - 1) / 0.1**2)
-    second = 0.25 * np.sqrt(2 * np.pi) / 0.2 * np.exp((np.cos(0.4 - 2.0) - 1) / 0.2**2)
+    first = 0.75 / i0e(1 / 0.1**2) * np.exp((np.cos(0.4 - 0.3) - 1) / 0.1**2)
+    second = 0.25 / i0e(1 / 0.2**2) * np.exp((np.cos(0.4 - 2.0) - 1) / 0.2**2)
     expected = np.log(0.2 + 0.8 * (first + second))
     assert mixture.log_likelihood(at(0.4, 7.0))[0] == pytest.approx(expected, rel=1e-5)
     explanation = explained(at(0.4, 7.0)[0], mixture)
     assert explanation.log_likelihood[0, 0] == pytest.approx(expected)
     assert explanation.path[0, 0, 0] == pytest.approx(0.8 * first / (0.2 + 0.8 * (first + second)))
     assert explanation.direct().tolist() == [0]
+
+
+@pytest.mark.parametrize("elevation", [None, 0.2])
+def test_a_bearing_that_may_be_anywhere_says_nothing(elevation: float | None) -> None:
+    mixture = mixture_of(WirelessMeasurement(0, "a", "b", paths=(AoaPath(0.3, 17.0, elevation=elevation),)))
+    assert mixture.log_likelihood(at(2.0, 7.0))[0] == pytest.approx(0.0, abs=0.01)
 
 
 def test_one_range_by_hand() -> None:

@@ -1,0 +1,69 @@
+"""What a run says of the radio, once for each two robots, and the log with what is wrong with it undone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
+from wiclosure.pipeline.mutual_check.map_check import Contradiction
+from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
+from wiclosure.types import FilterResult, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.faults.diagnosis import between
+
+
+def sentences(
+    filtered: FilterResult,
+    checks: Sequence[PairCheck],
+    by_map: Mapping[Pair, Contradiction],
+    *,
+    corrects: bool,
+) -> tuple[str, ...]:
+    """What filter, closures and merged map tell of the radio, nothing of it twice.
+
+    Args:
+        filtered: of the filter.
+        checks: pairs of robots of which radio and closures told differently.
+        by_map: measurements that the merged map contradicts.
+        corrects: whether what is named is corrected; otherwise it is said how that is done.
+    """
+    checked = {one.pair: one for one in checks if one.sentence}
+    named = {(one.robot_a, one.robot_b): one.suspected_fault for one in filtered.alignments}
+    said = [_with_remedy(one.said(by_map.get(pair)), by_map.get(pair), corrects) for pair, one in checked.items()]
+    said += [
+        _with_remedy(f"{pair[0]} and {pair[1]}: {found}", found, corrects)
+        for pair, found in by_map.items()
+        if pair not in checked and not _is_named(named.get(pair, ""), found)
+    ]
+    return (*filtered.diagnosis, *said)
+
+
+def out_of_time(wireless: WirelessLog, trajectories: Mapping[str, Trajectory]) -> tuple[str, ...]:
+    """A sentence where the log shares no time with the robots, with what may explain it."""
+    stamps = [m.stamp_ns for m in wireless.measurements]
+    apart = check_overlap(Span(min(stamps), max(stamps)), common_span(trajectories)) if stamps else None
+    if apart is None:
+        return ()
+    advice = f" ({apart.advice} to the log in dataset.yaml)" if apart.advice else ""
+    return (f"the radio is not used, its clock is the likely fault: {apart.text}{advice}",)
+
+
+def corrected(wireless: WirelessLog, by_map: Mapping[Pair, Contradiction]) -> tuple[WirelessLog, tuple[str, ...]]:
+    """The log with the likeliest cause of each contradiction undone, and what was done."""
+    undone = {pair: found.causes[0] for pair, found in by_map.items() if found.causes}
+    parts = between(wireless, set(undone))
+    ends = {frozenset(pair) for pair in undone}
+    left = tuple(m for m in wireless.measurements if frozenset((m.receiver, m.transmitter)) not in ends)
+    log = WirelessLog(left, wireless.headings)
+    for pair, cause in undone.items():
+        log += WirelessLog(cause.apply(({}, parts[pair]))[1].measurements)
+    return log, tuple(f"{a} and {b}: corrected, as was asked for: {cause.fault}" for (a, b), cause in undone.items())
+
+
+def _is_named(suspected_fault: str, found: Contradiction) -> bool:
+    """Whether the filter named one of the causes."""
+    return any(suspected_fault.startswith(cause.fault) for cause in found.causes)
+
+
+def _with_remedy(sentence: str, found: Contradiction | None, corrects: bool) -> str:
+    known = found is not None and found.causes
+    return f"{sentence}; --accept-correction corrects the log" if known and not corrects else sentence

@@ -1,0 +1,88 @@
+"""What is said of the radio between two robots, and the log once that is corrected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure.pipeline.mutual_check.check import PairCheck
+from wiclosure.pipeline.mutual_check.map_check import Contradiction
+from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
+from wiclosure.pipeline.mutual_check.verdicts import corrected, out_of_time, sentences
+from wiclosure.types import FilterResult, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.faults.corrections import ranges_off, swapped
+
+S, PAIR = 10**9, ("a", "b")
+LOG = WirelessLog(
+    (
+        WirelessMeasurement(1 * S, "a", "b", 10.0, 0.1),
+        WirelessMeasurement(2 * S, "c", "a", 20.0, 0.1),
+        WirelessMeasurement(3 * S, "b", "a", 30.0, 0.1),
+    ),
+    (Heading(0, "a", 0.5, 0.1),),
+)
+TOO_LONG = Contradiction(20.0, (ranges_off(3.0),))
+PATHS = {name: Trajectory(name, np.array([0, 100 * S]), np.tile(np.eye(4), (2, 1, 1))) for name in "abc"}
+
+
+def filtered(suspected_fault: str = "") -> FilterResult:
+    alignment = FrameAlignment(*PAIR, None, None, True, "", suspected_fault=suspected_fault)
+    return FilterResult("wiclosure", (), 0, alignments=(alignment,), diagnosis=("of the filter",))
+
+
+def check(verdict: Verdict) -> PairCheck:
+    return PairCheck(PAIR, Weighed(verdict, 10.0, "something else"), found="9 closures that agree")
+
+
+def said(suspected_fault: str, checks: list[PairCheck], found: Contradiction, *, corrects: bool = False) -> list[str]:
+    first, *rest = sentences(filtered(suspected_fault), checks, {PAIR: found}, corrects=corrects)
+    assert first == "of the filter"
+    return rest
+
+
+def test_only_measurements_of_the_pair_are_corrected_and_stay_in_order_of_time() -> None:
+    log, done = corrected(LOG, {PAIR: TOO_LONG})
+    assert [m.range_m for m in log.measurements] == [7.0, 20.0, 27.0]
+    assert log.headings == LOG.headings
+    assert done == (f"a and b: corrected, as was asked for: {TOO_LONG.likely}",)
+
+
+def test_names_are_put_right_and_what_no_known_error_explains_stays() -> None:
+    log, done = corrected(
+        LOG, {PAIR: Contradiction(9.0, (swapped({"a": "b", "b": "a"}),)), ("a", "c"): Contradiction(9.0)}
+    )
+    assert [(m.receiver, m.transmitter) for m in log.measurements] == [("b", "a"), ("c", "a"), ("a", "b")]
+    assert len(done) == 1
+
+
+@pytest.mark.parametrize("verdict", [Verdict.CLOSURES, Verdict.COMPATIBLE])
+def test_the_cause_is_that_of_the_map_where_it_knows_one(verdict: Verdict) -> None:
+    (one,) = said("", [check(verdict)], TOO_LONG)
+    assert "ranges are 3.0 m too long" in one
+    assert "something else" not in one
+    assert "10^9 to 1" in one
+    assert one.endswith("--accept-correction corrects the log")
+
+
+def test_where_the_map_knows_none_the_closures_cause_stays() -> None:
+    (one,) = said("", [check(Verdict.CLOSURES)], Contradiction(20.0))
+    assert "most likely: something else" in one
+    assert "--accept-correction" not in one
+
+
+def test_a_cause_that_the_filter_named_is_not_repeated_but_another_is_said() -> None:
+    assert said(f"{TOO_LONG.likely} (--accept-correction applies it)", [], TOO_LONG) == []
+    (one,) = said("azimuths seem to be reversed", [], TOO_LONG)
+    assert one == f"a and b: {TOO_LONG}; --accept-correction corrects the log"
+    assert said("", [], TOO_LONG, corrects=True) == [f"a and b: {TOO_LONG}"]
+
+
+def test_a_log_an_hour_away_names_the_time_zone_and_how_to_put_it_right() -> None:
+    assert out_of_time(LOG, PATHS) == ()
+    assert out_of_time(WirelessLog(), PATHS) == ()
+    late = [replace(m, stamp_ns=m.stamp_ns + 3600 * S) for m in LOG.measurements]
+    (one,) = out_of_time(WirelessLog(tuple(late)), PATHS)
+    assert "a time zone" in one
+    assert "add time_offset: -3600" in one
