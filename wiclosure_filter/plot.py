@@ -79,7 +79,7 @@ def save_pictures(
         path = folder / f"filter_{_file_name(pairs.robot_a)}_{_file_name(pairs.robot_b)}.png"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=150)
+            figure.savefig(path, dpi=160)
         except OSError as error:
             raise OutputError(f"{path}: cannot write the picture ({error.strerror})") from error
         written.append(path)
@@ -96,7 +96,7 @@ def draw_pair(
     """Links, shared trajectory, kept pairs, the steps of the search, and how the measurements fit, for two robots."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13.5, 10.5), layout="constrained")
+    figure = Figure(figsize=(11.0, 9.2), layout="constrained")
     grid = figure.add_gridspec(3, 12)
     top = [figure.add_subplot(grid[0, 4 * i : 4 * i + 4]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(SEARCH_PANELS)]
@@ -113,7 +113,7 @@ def draw_pair(
         _draw_shared(top[1], model, pairs, colours)
         _draw_kept(top[2], model, pairs, gate.sensor_range_m, colours)
         _draw_search(bottom, model, make_gate(gate), colours)
-    figure.suptitle(f"{pairs.robot_a} and {pairs.robot_b}: {len(pairs)} pairs kept")
+    figure.suptitle(f"{pairs.robot_a} and {pairs.robot_b}: {len(pairs):,} pairs kept")
     return figure
 
 
@@ -196,7 +196,6 @@ def _draw_shared(axes: Axes, model: PairModel, pairs: CandidatePairs, colours: R
     likely = 1 if estimate is None else estimate.alternatives
     which = "shared trajectory" if likely == 1 else f"shared trajectory, the likeliest of {likely}"
     axes.set_title(f"{which}\n90 % of {pairs.robot_b}, seen from {pairs.robot_a}", fontsize=9)
-    axes.legend(fontsize=8)
 
 
 def _draw_kept(
@@ -215,7 +214,7 @@ def _draw_kept(
     _road(axes, model.a.positions, colours[0], pairs.robot_a)
     _road(axes, model.b.positions, colours[1], pairs.robot_b)
     total = len(model.a) * len(model.b)
-    axes.set_title(f"kept pairs\n{len(pairs)} of {total}, {len(rows)} drawn", fontsize=9)
+    axes.set_title(f"kept pairs\n{len(pairs):,} of {total:,}, {len(rows):,} drawn", fontsize=9)
 
 
 def _draw_search(panels: list[Axes], model: PairModel, gate: Gate, colours: RobotColours) -> None:
@@ -235,7 +234,8 @@ def _draw_search(panels: list[Axes], model: PairModel, gate: Gate, colours: Robo
         _boxes(axes, trees[1], height_b, np.unique(np.concatenate([part[3] for part in parts])), colours[1])
         _road(axes, model.a.positions, colours[0], None)
         _road(axes, model.b.positions, colours[1], None)
-        axes.set_title(f"overlap search, step {number + 1} of {len(steps)}: {survivors} pairs of boxes", fontsize=9)
+        boxes = "1 pair of boxes" if survivors == 1 else f"{survivors:,} pairs of boxes"
+        axes.set_title(f"overlap search, step {number + 1} of {len(steps)}\n{boxes}", fontsize=9)
 
 
 def _boxes(axes: Axes, tree: SegmentTree, height: int, segments: IntArray, color: str) -> None:
@@ -250,7 +250,7 @@ def _boxes(axes: Axes, tree: SegmentTree, height: int, segments: IntArray, color
 def _road(axes: Axes, positions: FloatArray, color: str, label: str | None) -> None:
     axes.plot(positions[:, 0], positions[:, 1], color=color, linewidth=1.2, label=label)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.tick_params(labelsize=7)
+    axes.tick_params(labelsize=8)
     axes.set_xlabel("x in m", fontsize=9)
     axes.set_ylabel("y in m", fontsize=9)
 

@@ -39,7 +39,7 @@ class NormalMatrix:
         order: `(4 M,)` of the edges' blocks by column and row of the ordered matrix.
         starts: in that order, where the blocks of one place begin.
         indices, pointers: of the compressed rows.
-        incidence: `(N, 2 M)`, one at each edge's ends.
+        ends: `(N, M)` matrices, one at each edge's first and at its second node.
     """
 
     position: IntArray
@@ -47,7 +47,7 @@ class NormalMatrix:
     starts: IntArray
     indices: IntArray
     pointers: IntArray
-    incidence: sp.csr_matrix
+    ends: tuple[sp.csr_matrix, sp.csr_matrix]
 
     @classmethod
     def of(cls, first: IntArray, second: IntArray, size: int) -> NormalMatrix:
@@ -59,9 +59,9 @@ class NormalMatrix:
         places = (rows * size + columns)[order]
         starts = np.flatnonzero(np.diff(places, prepend=-1))
         pointers = np.searchsorted(places[starts] // size, np.arange(size + 1))
-        ends = np.concatenate([first, second])
-        incidence = sp.csr_matrix((np.ones(len(ends)), (ends, np.arange(len(ends)))), shape=(size, len(ends)))
-        return cls(position, order, starts, places[starts] % size, pointers, incidence)
+        count = len(first)
+        ends = [sp.csr_matrix((np.ones(count), (of, np.arange(count))), shape=(size, count)) for of in (first, second)]
+        return cls(position, order, starts, places[starts] % size, pointers, (ends[0], ends[1]))
 
     def factorised(
         self, A: FloatArray, B: FloatArray, weights: FloatArray, held: IntArray, damping: float
@@ -92,9 +92,10 @@ class NormalMatrix:
 
     def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
         """Sums `(N, K, ...)` at the nodes of what the edges `(M, K, ...)` have at either end."""
-        both = np.concatenate([at_first, at_second])
-        width = int(np.prod(both.shape[1:]))
-        return np.asarray((self.incidence @ both.reshape(len(both), width)).reshape(-1, *both.shape[1:]))
+        count, *shape = at_first.shape
+        width = int(np.prod(shape))
+        summed = sum(of @ at.reshape(count, width) for of, at in zip(self.ends, (at_first, at_second), strict=True))
+        return np.asarray(summed).reshape(-1, *shape)
 
 
 def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntArray:

@@ -27,6 +27,7 @@ MU_GROWTH = 1.4  # of mu
 MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
 CHECK_ROUNDS = 6
+EDGES_AT_ONCE = 1024  # bounds memory
 FEW_STEPS = 5  # of Levenberg-Marquardt, in which an estimate without gross outliers converges
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these;
@@ -228,8 +229,11 @@ class _Check:
     def of(cls, system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
         """By the samples `moved (N, 6, S)` that `noise (M, K, S)` makes of the estimate."""
         (A, B), moved, width = system.jacobians(poses), moved[:, system.free], len(system.free)
-        sampled = noise + A @ moved[system.edges.first] + B @ moved[system.edges.second]
-        covariance = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - width - 1)
+        first, second, covariance = system.edges.first, system.edges.second, np.empty_like(A)
+        for start in range(0, len(A), EDGES_AT_ONCE):
+            rows = slice(start, start + EDGES_AT_ONCE)
+            sampled = noise[rows] + A[rows] @ moved[first[rows]] + B[rows] @ moved[second[rows]]
+            covariance[rows] = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - width - 1)
         covariance += REDUNDANCY_FLOOR * np.eye(width)
         residuals = system.residuals(poses)
         expected = np.diagonal(covariance, axis1=1, axis2=2)

@@ -15,7 +15,7 @@ from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_fr
 from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-STEPS = 100  # of Levenberg-Marquardt
+STEPS = 150  # of Levenberg-Marquardt, those taken back included
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 LEAST_DAMPED = 1e-6
 MOST_DAMPED = 1e8
@@ -132,25 +132,26 @@ class System:
     def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
         """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`."""
         damping, cost = 0.0, float(w @ self.chi_squares(poses))
+        J, residuals = self.jacobians(poses), self.residuals(poses)
+        gradient = self.gradient(J, w[:, None] * residuals)
         for _ in range(steps):
-            J, residuals = self.jacobians(poses), self.residuals(poses)
-            gradient = self.gradient(J, w[:, None] * residuals)
-            while damping < MOST_DAMPED:
-                factorised = self.normal.factorised(*J, w, self.held, damping)
-                step = factorised.solve(-gradient)
-                moved = poses @ se3.exp(self._tangents(step))
-                new_cost = float(w @ self.chi_squares(moved))
-                if new_cost <= cost:
-                    break
+            factorised = self.normal.factorised(*J, w, self.held, damping)
+            step = factorised.solve(-gradient)
+            moved = poses @ se3.exp(self._tangents(step))
+            decrease = cost - float(w @ self.chi_squares(moved))
+            if not decrease >= 0:
                 damping = max(10.0 * damping, LEAST_DAMPED)
-            else:
-                return Descent(poses, True)
-            undamped, decrease = damping == 0.0, cost - new_cost
+                if damping > MOST_DAMPED:
+                    return Descent(poses, True)
+                continue
+            last = (J, factorised) if damping == 0.0 else None
             if decrease >= AS_PREDICTED * (cost - float(w @ self._linearised(J, residuals, step))):
                 damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
-            poses, cost = moved, new_cost
+            poses, cost = moved, cost - decrease
             if decrease <= CONVERGED * (cost + 1e-9):
-                return Descent(poses, True, (J, factorised) if undamped else None)
+                return Descent(poses, True, last)
+            J, residuals = self.jacobians(poses), self.residuals(poses)
+            gradient = self.gradient(J, w[:, None] * residuals)
         return Descent(poses, False)
 
     def _linearised(

@@ -12,7 +12,7 @@ from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_freedom, mahalanobis_squared
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-PAIRS_AT_ONCE = 2048  # pairs at once: bounds memory
+PAIRS_AT_ONCE = 65536  # pairs at once: bounds memory
 COUNTED = 2000  # closures among which neighbours are counted
 NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
 DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
@@ -118,8 +118,9 @@ class Claims:
         """`(N,)` how many closures may lie within a squared distance of `limit`: bounded from above, at little cost."""
         counted = np.unique(np.linspace(0, len(self) - 1, min(COUNTED, len(self))).round().astype(np.int64))
         found = np.zeros(len(self), np.int64)
-        for start in range(0, len(self), PAIRS_AT_ONCE):
-            part = np.arange(start, min(start + PAIRS_AT_ONCE, len(self)))
+        size = max(1, PAIRS_AT_ONCE // max(len(counted), 1))
+        for start in range(0, len(self), size):
+            part = np.arange(start, min(start + size, len(self)))
             found[part] = self._may_agree(part, counted, limit).sum(axis=1)
         return found
 
