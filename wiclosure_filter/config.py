@@ -76,7 +76,9 @@ class CalibrationPriors(Settings):
     """How large constant errors usually are (standard deviations); those beyond three of them are faults."""
 
     range_bias_m: float = Field(0.3, gt=0.0, description="m, of UWB ranges: antenna delays (0.35 in recordings)")
-    range_scale: float = Field(0.003, gt=0.0, description="ratio by which ranges are longer than odometry has them")
+    range_scale: float = Field(
+        0.01, gt=0.0, description="ratio by which ranges are longer than both odometries have them: that of their scale"
+    )
     clock_s: float = Field(0.1, gt=0.0, description="s between two robots' clocks: network time over a busy radio")
     mounting_rad: float = Field(0.05, gt=0.0, description="rad, by which an antenna array is mounted turned")
     scale: float = Field(
