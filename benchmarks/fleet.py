@@ -31,6 +31,7 @@ from pathlib import Path
 import numpy as np
 from fleet_world import fleet
 
+from wiclosure import se3
 from wiclosure.memory import peak_rss_mb
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.data.open_inputs import open_inputs
@@ -73,7 +74,8 @@ def filter_of_a_fleet(robots: int, jobs: int, seed: int, table: Path | None) -> 
         f"{robots:5d} robots, {len(links):5d} links, {sum(not a.ambiguous for a in result.alignments):5d} certain,"
         f" {meeting:5d} pairs of robots meet: {seconds:7.1f} s ({spent:7.1f} s of processor time,"
         f" {1e3 * spent / max(meeting, 1):6.1f} ms a meeting pair), peak {peak_mb:6.0f} MB;"
-        f" {result.pairs_kept} of {result.pairs_total} pairs kept, recall {kept_share:.4f}; {load()}",
+        f" {result.pairs_kept} of {result.pairs_total} pairs kept, recall {kept_share:.4f},"
+        f" {100 * held(result, team.truth):.1f} % within their 90 % regions; {load()}",
         flush=True,
     )
     if table is not None:
@@ -103,6 +105,21 @@ def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float 
         near = np.linalg.norm(a[:, None] - b[None], axis=2) <= true_m
         true, kept = true + int(near.sum()), kept + int(near[pairs.index_a, pairs.index_b].sum())
     return kept / max(true, 1)
+
+
+def held(result: FilterResult, truth: Mapping[str, Trajectory], *, share: float = 0.9, of_each: int = 20) -> float:
+    """Share of kept pairs' horizontal displacements within their stated regions, of some of each two robots."""
+    rng, within = np.random.default_rng(0), [np.zeros(0, bool)]
+    for pairs in result.pairs:
+        chosen = rng.integers(len(pairs), size=of_each) if len(pairs) else np.zeros(0, np.int64)
+        if (predicted := pairs.predicted(chosen)) is not None:
+            T_a_b, covariance = predicted
+            a = truth[pairs.robot_a].poses[pairs.index_a[chosen]]
+            b = truth[pairs.robot_b].poses[pairs.index_b[chosen]]
+            off = np.einsum("mji,mj->mi", T_a_b[:, :3, :3], se3.between(a, b)[:, :3, 3] - T_a_b[:, :3, 3])[:, :2]
+            whitened = np.linalg.solve(covariance[:, 3:5, 3:5], off[:, :, None])[:, :, 0]
+            within.append(np.einsum("mi,mi->m", off, whitened) <= -2.0 * np.log(1.0 - share))
+    return float(np.concatenate(within).mean())
 
 
 def whole_run(scenario: str, scans: int, jobs: int, workers: Workers | None = None) -> tuple[RunResult, float]:
