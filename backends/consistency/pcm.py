@@ -111,8 +111,8 @@ def _report(
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
     objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
-        rival = max((len(c) for c in found if c.objection.startswith("inconsistent with")), default=0)
-        doubt = f"; {rival} others agree with each other as well and contradict them" if rival else ""
+        rival = max((len(c) for c in found if c.objection and 2 * len(c) >= kept), default=0)
+        doubt = f"; but {rival} others agree with each other instead: do places look alike?" if rival > 2 else ""
         said = f"{kept} of {len(closure_set)} closures agree and are accepted{doubt}"
     elif len(closure_set) == 1:
         said = "a single closure cannot be checked"

@@ -78,12 +78,13 @@ def split_kitti(
     source = KittiSource(drive)
     truth = kitti_ground_truth(source.path, "world")
     if truth is None:
-        logger.warning("%s has no poses: the robots have no ground truth", source.path)
+        without = "no ground truth" if heard is None else "no ground truth, and no radio is simulated"
+        logger.warning("%s has no poses: the robots have %s", source.path, without)
     parts = contiguous_parts(source.stamps_ns, robots, overlap)
     with whole_folder(out, overwrite=overwrite) as scratch:
         recordings = {robot: _write_robot(scratch, robot, part, source, truth) for robot, part in parts.items()}
         logs: list[RadioSource] = []
-        if heard is not None:
+        if heard is not None and truth is not None:
             write_wireless_log(scratch / WIRELESS_FILE, heard(Dataset(recordings)))
             logs.append(RadioSource(path=scratch / WIRELESS_FILE))
         write_dataset(scratch / DATASET_FILE, recordings, logs)

@@ -252,7 +252,7 @@ def _gap(kept: CandidatePairs, closures: Sequence[Closure], settings: Registrati
 
 
 def _clause(closures: Agreement, gap: _Gap | None) -> str:
-    return f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" lie {gap}")
+    return f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" ({gap})")
 
 
 def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | None) -> str:

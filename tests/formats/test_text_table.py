@@ -79,3 +79,11 @@ def test_mutated_tables_are_read_or_refused(tmp_path: Path) -> None:
             assert all(isinstance(cells, list) for _, cells in open_table(tmp_path / "a.csv").rows())
         except InputError as error:
             assert str(tmp_path) in str(error)  # noqa: PT017
+
+
+def test_a_cell_of_any_length_spoils_its_row_only(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("time,from,to,range\n1.1,7,12,2.5\n1.2,7,12," + "9" * 500_000 + "\n1.3,7,12,2.6\n")
+    rows = [cells for _, cells in open_table(file).rows()]
+    assert [cells[3] for cells in (rows[0], rows[2])] == ["2.5", "2.6"]
+    assert float(rows[1][3]) > 1e90

@@ -31,6 +31,7 @@ JSON = "{"
 _REMARK = re.compile(r"\s*(#|%|//|;)+\s*")
 _ABSENT = {"", "-", "na", "n/a", "none", "null"}
 _UNITS = {"m", "mm", "cm", "ft", "in", "s", "ms", "us", "ns", "sec", "rad", "deg"}
+_LONGEST = 100  # characters of a cell that is too long for any measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +244,11 @@ def _cells(line: str, delimiter: str) -> list[str]:
     line = line.rstrip("\r\n")
     if delimiter == SPACE:
         return line.split()
-    return [_unquoted(cell.strip()) for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a cell of more than 131,072 characters, which is nothing measured
+        cells = [cell[:_LONGEST] for cell in line.split(delimiter)]
+    return [_unquoted(cell.strip()) for cell in cells]
 
 
 def _unquoted(cell: str) -> str:

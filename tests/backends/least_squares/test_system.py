@@ -156,3 +156,16 @@ def test_poses_that_nothing_holds_keep_their_shape():
     moved = se3.from_yaw(0.5, np.array([100.0, 0.0, 0.0])) @ truth
     found = System.of(edges, moved, np.zeros(0, np.int64)).solved(moved)
     np.testing.assert_allclose(se3.between(found[:1], found), se3.between(truth[:1], truth), atol=1e-5)
+
+
+def test_a_descent_cut_short_says_so_and_can_go_on():
+    edges, truth = ring(6)
+    bent = truth @ se3.exp(np.random.default_rng(6).normal(0, 0.3, (len(truth), 6)))
+    bent[0] = truth[0]
+    system, ones = System.of(edges, bent, np.array([0])), np.ones(len(edges))
+    short = system.descent(bent, ones, steps=1)
+    assert not short.converged
+    assert system.cost(short.poses) < system.cost(bent)
+    further = system.descent(short.poses, ones)
+    assert further.converged
+    np.testing.assert_allclose(further.poses, system.descent(bent, ones).poses, atol=1e-3)

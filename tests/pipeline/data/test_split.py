@@ -88,8 +88,12 @@ def test_a_wireless_log_made_from_the_ground_truth(kitti: Path, tmp_path: Path) 
 
 
 def test_without_poses_there_is_no_ground_truth(kitti: Path, tmp_path: Path) -> None:
-    dataset = split_kitti(find_sequence(kitti, "03"), 2, tmp_path / "out")
+    def never(dataset: Dataset) -> WirelessLog:
+        raise AssertionError("radio is simulated from the ground truth")
+
+    dataset = split_kitti(find_sequence(kitti, "03"), 2, tmp_path / "out", heard=never)
     assert dataset.ground_truth("alpha") is None
+    assert dataset.wireless == ()
 
 
 def test_what_cannot_be_split(kitti: Path, tmp_path: Path) -> None:
