@@ -57,7 +57,7 @@ def test_no_pair_is_lost_and_none_added(seed: int, d: int, shortest: bool, gate_
 
 
 @pytest.mark.slow
-@settings(max_examples=5000, deadline=None)
+@settings(max_examples=2000, deadline=None)
 @cases
 def test_no_pair_is_lost_in_thousands_of_cases(seed: int, d: int, shortest: bool, gate_settings: GateSettings) -> None:
     assert_finds_what_brute_force_finds(seed, d, shortest, gate_settings)
