@@ -261,7 +261,8 @@ class FilterSettings(Settings):
     accept_correction: bool = Field(
         default=False,
         description="where a systematic error of the log explains the measurements far better than what the log claims"
-        " (azimuths clockwise, ranges in feet, clocks apart): correct it, and go on; false: name it only",
+        " (azimuths clockwise, ranges in feet, clocks apart), by the filter or the merged map: correct it, and go on;"
+        " false: name it only",
     )
     random: RandomSettings = RandomSettings()
     oracle: OracleSettings = OracleSettings()

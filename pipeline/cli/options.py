@@ -74,7 +74,8 @@ Wireless = Annotated[
 AcceptCorrection = Annotated[
     bool,
     typer.Option(
-        "--accept-correction", help="correct a systematic error of the wireless log that the filter finds, and go on"
+        "--accept-correction",
+        help="correct a systematic error of the wireless log that the filter or the merged map finds, and go on",
     ),
 ]
 NewFolder = Annotated[Path, typer.Option("--out", "-o", help="folder of the new data set")]
