@@ -116,7 +116,7 @@ def graduated(
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
     for _ in range(MOST_GNC_STEPS):
         weights = _truncated_weights(chi_square, limit, mu)
-        if np.isin(weights, (0.0, 1.0)).all():
+        if not weights[chi_square > limit].any():  # none is undecided: mu only brings the others to full weight
             break
         poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=NEWTON_STEPS)
         chi_square = system.chi_squares(poses)[count:]
