@@ -96,8 +96,9 @@ def test_what_the_links_tell_of_constant_errors_moves_the_nodes_to_the_truth(sca
         T, _ = joint.relative_poses("a", rows, "b", rows)
         off.append(np.linalg.norm(T[:, :2, 3] - se3.between(truth["a"][rows], truth["b"][rows])[:, :2, 3], axis=1))
     assert np.abs(found).max() > 0.005
-    assert off[2].mean() < 0.5 * off[0].mean()
-    assert off[1].mean() < 0.5 * off[0].mean()  # wherever the links start; the kernel bends that a little
+    # what of a scale of 2 % the ranges' own scale, of 1 % by its prior, takes: some 0.3 m of it
+    assert off[2].mean() < min(0.35, 0.7 * off[0].mean())
+    assert off[1].mean() < min(0.35, 0.7 * off[0].mean())  # wherever the links start; the kernel bends that a little
 
 
 def test_without_known_errors_nothing_is_added() -> None:

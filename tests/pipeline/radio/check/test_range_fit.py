@@ -77,6 +77,7 @@ def test_a_fit_is_followed_while_the_data_move():
 
 @settings(max_examples=15)
 @example(seed=36205, height=3.0, wavy=False)  # the best of the linear starts has no height
+@example(seed=284, height=30.0, wavy=True)  # fitted below the floor, as well as above it
 @given(seed=st.integers(0, 10**6), height=st.sampled_from([-12.0, 3.0, 8.0, 30.0]), wavy=st.booleans())
 def test_robots_on_flat_floors_of_different_height(seed, height, wavy):
     a, b, _, yaw, translation = world(seed)
@@ -85,6 +86,6 @@ def test_robots_on_flat_floors_of_different_height(seed, height, wavy):
     moved = b @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + [*translation[:2], height]
     ranges = np.linalg.norm(a - moved, axis=1)
     fit = fit_ranges(a, b, ranges)
-    assert fit.rms_m < 0.01
+    assert fit.rms_m < 0.015  # waves of 0.01 m, turned over by the mirror image below the floor
     assert abs(fit.translation[2]) == pytest.approx(abs(height), rel=0.02)
     np.testing.assert_allclose(fit.translation[:2], translation[:2], atol=0.2)
