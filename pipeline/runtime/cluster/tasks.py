@@ -162,6 +162,7 @@ class Cluster:
 
     def _result(self, future: Future, name: str) -> Any:
         from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
         from distributed.scheduler import NoWorkerError
 
         if future.status in {"cancelled", "lost"}:
@@ -172,6 +173,8 @@ class Cluster:
             raise deadly(name, error.allowed_failures + 1) from None
         except NoWorkerError:
             raise abandoned(self._address) from None
+        except FutureCancelledError:  # the connection broke after the look at the status
+            raise lost(self._address) from None
         finally:
             future.release()
         self.costs.bytes_moved += len(packed)
