@@ -34,12 +34,16 @@ def chordal(system: System, poses: FloatArray) -> FloatArray:
 
 def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
     """The poses given or chordal initialisation, whichever costs less, of each connected part of the graph."""
+    return cheaper(system, poses, chordal(system, poses))
+
+
+def cheaper(system: System, poses: FloatArray, others: FloatArray) -> FloatArray:
+    """Of two sets of poses `(N, 4, 4)`, those that cost less, in each connected part of the graph by itself."""
     first, second = system.edges.first, system.edges.second
     joined = sp.coo_matrix((np.ones(len(first)), (first, second)), shape=(system.size, system.size))
     parts, part = connected_components(joined, directed=False)
-    found = chordal(system, poses)
-    costs = [np.bincount(part[first], system.chi_squares(of), parts) for of in (poses, found)]
-    return np.where((costs[1] < costs[0])[part][:, None, None], found, poses)
+    costs = [np.bincount(part[first], system.chi_squares(of), parts) for of in (poses, others)]
+    return np.where((costs[1] < costs[0])[part][:, None, None], others, poses)
 
 
 def _nearest_rotations(M: FloatArray) -> FloatArray:

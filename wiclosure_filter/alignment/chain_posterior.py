@@ -21,7 +21,7 @@ from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
-from wiclosure.wiclosure_filter.likelihood.residuals import ResidualRows, residual_rows, seen_by_receiver
+from wiclosure.wiclosure_filter.likelihood.residuals import residual_rows, seen_by_receiver
 
 _FLOOR_M, _FLOOR_RAD = 0.05, 0.002  # a step's least error: stamps fall between keyframes
 
@@ -95,9 +95,12 @@ class ChainPosterior:
         rows = residual_rows(guess.w[None], guess.yaw[None], mixture)
         weight = (rows.weight[0] * observations.independence[:, None])[..., None]
         jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
-        diagonal, gradient = _measured(guess, rows, mixture, self.prior)
+        weighted = np.swapaxes(weight * jacobian, 1, 2)
+        diagonal, gradient = self._by_prior(guess, observations)
+        diagonal += weighted @ jacobian
+        gradient += np.einsum("mir,mr->mi", weighted, rows.residual[0])
         by_errors = constant.of_measured()
-        border = np.swapaxes(weight * jacobian, 1, 2) @ by_errors
+        border = weighted @ by_errors
         of_errors = np.einsum("mri,mrj->ij", weight * by_errors, by_errors) + np.diag(constant.prior_sigma**-2)
         gradient_of_errors = np.einsum("mri,mr->i", weight * by_errors, rows.residual[0])
         gradient_of_errors -= guess.errors / constant.prior_sigma**2
@@ -111,28 +114,23 @@ class ChainPosterior:
         of_steps = constant.of_steps(guess.yaw)
         border[:-1] += coupling @ of_steps
         border[1:] += information @ of_steps
-        weighted = np.swapaxes(of_steps, 1, 2) @ information
-        of_errors += (weighted @ of_steps).sum(axis=0)
-        gradient_of_errors -= np.einsum("mij,mj->i", weighted, error)
+        steps_weighted = np.swapaxes(of_steps, 1, 2) @ information
+        of_errors += (steps_weighted @ of_steps).sum(axis=0)
+        gradient_of_errors -= np.einsum("mij,mj->i", steps_weighted, error)
         system = BorderedSystem(diagonal, coupling, gradient, border, of_errors, gradient_of_errors)
         return Chain(system, error, back, of_steps, information, observations.stamp_ns)
 
-
-def _measured(guess: ChainGuess, rows: ResidualRows, mixture: Mixture, prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Information `(M, 4, 4)` and gradient `(M, 4)` of measurements and prior."""
-    observations = mixture.observations
-    jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
-    weighted = (rows.weight[0] * observations.independence[:, None])[..., None] * jacobian
-    diagonal = np.swapaxes(weighted, 1, 2) @ jacobian
-    gradient = np.einsum("mri,mr->mi", weighted, rows.residual[0])
-    count = len(guess.w)
-    diagonal[:, 3, 3] += prior.height_sigma_m**-2 / count  # the prior is one number, however many measurements
-    gradient[:, 3] -= guess.w[:, 2] * prior.height_sigma_m**-2 / count
-    information = _yaw_information(observations, prior)
-    diagonal[:, 0, 0] += information
-    gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - guess.yaw)
-    diagonal += 1e-6 * np.eye(4)  # what nothing is known of still has a solution
-    return diagonal, gradient
+    def _by_prior(self, guess: ChainGuess, observations: Observations) -> tuple[FloatArray, FloatArray]:
+        """Information `(M, 4, 4)` and gradient `(M, 4)` of what is known of height and yaw."""
+        count, height = len(guess.w), self.prior.height_sigma_m**-2
+        diagonal = np.tile(1e-6 * np.eye(4), (count, 1, 1))  # what nothing is known of still has a solution
+        gradient = np.zeros((count, 4))
+        diagonal[:, 3, 3] += height / count  # the prior is one number, however many measurements
+        gradient[:, 3] -= guess.w[:, 2] * height / count
+        information = _yaw_information(observations, self.prior)
+        diagonal[:, 0, 0] += information
+        gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - guess.yaw)
+        return diagonal, gradient
 
 
 def _yaw_information(observations: Observations, prior: Prior) -> FloatArray:

@@ -162,14 +162,13 @@ class SquareRoot:
 
     def _row(self, place: int) -> tuple[IntArray, FloatArray]:
         """The way from the root to a place, and its row `(6, 6 A)` of R^-1 on it; those of its ancestors are known."""
-        separator = self.separator[self.start[place] : self.start[place + 1]].tolist()
-        above = self._known[int(self.parent[place])][0] if separator else np.zeros(0, np.int64)
+        separator, response = self._followed(place)
+        above = self._known[int(self.parent[place])][0] if len(separator) else np.zeros(0, np.int64)
         known = np.zeros((6 * len(separator), 6 * len(above)))
-        for number, other in enumerate(separator):
+        for number, other in enumerate(separator.tolist()):
             values = self._known[other][1]
             known[6 * number : 6 * number + 6, : values.shape[1]] = values
-        followed = self.response[:, 6 * self.start[place] : 6 * self.start[place + 1]] @ known
-        return np.append(above, place), np.hstack([followed, self.remainder[place]])
+        return np.append(above, place), np.hstack([response @ known, self.remainder[place]])
 
     def with_one(self, poses: IntArray, one: int) -> FloatArray:
         """Covariances `(n, 6, 6)` of poses with one pose: a column of the inverse, by two sparse substitutions."""
