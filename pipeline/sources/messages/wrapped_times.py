@@ -28,15 +28,17 @@ def counter_range(raw: NDArray[Any], first: float, last: float) -> int | None:
     if len(raw) < _FEWEST:
         return None
     span = last - first
-    some = raw[::_SOME]
-    if span <= 0 or ((some > first + 0.4 * span) & (some < last - 0.4 * span)).any():
-        return None
-    is_before = raw > first + span / 2
-    gap = raw[is_before].min().item() - raw[~is_before].max().item()
     found = next((size for size in _RANGES if size >= span), None)
-    if found is None or gap < span / 2 or (first < 0 and found != 2**32):
+    if span <= 0 or found is None or (first < 0 and found != 2**32):
         return None
-    return found if found - span <= _SEAM * (span - gap) else None
+    elapsed = raw - first  # exact, where a share of the span added to stamps since 1970 would be rounded
+    some = elapsed[::_SOME]
+    if ((some > 0.4 * span) & (some < 0.6 * span)).any():
+        return None
+    is_before = elapsed > span / 2
+    gap = elapsed[is_before].min().item() - elapsed[~is_before].max().item()
+    # A sweep of no length stands at two ticks of a coarse clock, not at both ends of a range.
+    return found if gap >= span / 2 and found - span < _SEAM * (span - gap) else None
 
 
 def unwrapped(raw: NDArray[Any], size: int, *, goes_on: bool) -> NDArray[Any]:
@@ -47,5 +49,6 @@ def unwrapped(raw: NDArray[Any], size: int, *, goes_on: bool) -> NDArray[Any]:
         size: of the range.
         goes_on: those after the end are counted on from it; else those before it become negative.
     """
-    is_before = raw > raw.min() + (raw.max() - raw.min()) / 2
+    elapsed = raw - raw.min()
+    is_before = elapsed > elapsed.max() / 2
     return np.asarray(np.where(is_before, raw, raw + size) if goes_on else np.where(is_before, raw - size, raw))

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from wiclosure.pipeline.sources.messages.wrapped_times import counter_range, unwrapped
@@ -24,6 +24,8 @@ def test_counters_that_begin_anew_are_told_and_go_on(size: int, share: float, sw
     np.testing.assert_allclose(unwrapped(raw, size, goes_on=False), steady - size, atol=1e-11 * size)
 
 
+@example(first=2.0**52 + 1, length=1.0, seed=0)  # two values are all that float64 has there
+@example(first=2.0**51, length=1.0, seed=0)  # three
 @given(first=st.floats(-1e9, 1e18), length=st.floats(1e-3, 1e9), seed=st.integers(0, 2**32 - 1))
 def test_sweeps_without_a_gap_are_left_alone(first: float, length: float, seed: int) -> None:
     assert found(first + length * np.random.default_rng(seed).uniform(size=300)) is None
