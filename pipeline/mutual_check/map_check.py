@@ -16,13 +16,13 @@ from scipy.special import logsumexp
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.odds import in_words
 from wiclosure.pipeline.mutual_check.readings import Reading, readings_of_log
-from wiclosure.types import Closure, FloatArray, IntArray, Stage, Trajectory, WirelessLog, survivors
+from wiclosure.types import BoolArray, Closure, FloatArray, IntArray, Stage, Trajectory, WirelessLog, survivors
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.faults.corrections import Correction
-from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture
-from wiclosure.wiclosure_filter.likelihood.observations import Observations
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture, displacement
+from wiclosure.wiclosure_filter.likelihood.observations import Observations, independence
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -109,28 +109,57 @@ class MergedPair:
     tied: Mapping[str, IntArray]
     alignment: AlignmentSettings
 
-    def log_evidence(self, log: WirelessLog, weighed: WirelessLog | None = None) -> float:
-        """Log-likelihood of a log where the map has the robots; 0 is a log that says nothing.
+    def log_evidences(self, logs: Sequence[WirelessLog], widened: Sequence[bool]) -> FloatArray:
+        """Log-likelihoods `(N,)` of logs where the map has the robots; 0 is a log that says nothing.
 
         Args:
-            log: measurements of these two.
-            weighed: the same ones with the noise by which they count; None: as they state it.
+            logs: of measurements of these two, the first as it was read, the others as it may be read.
+            widened: true for logs of wider standard deviations: they count for no more than those of the first.
         """
-        observations = self._observations(log)
-        if observations is None:
-            return 0.0
-        # Drift is shared by neighbouring measurements: by as much as it exceeds their noise, each counts for less.
-        stated = observations if weighed is None else self._observations(weighed) or observations
-        position_m, _ = drift = self._drift(observations)
-        counted = observations.independence / (1.0 + (position_m / _noise_m(stated)) ** 2)
-        mixture = Mixture.of(replace(observations, independence=counted), self.alignment.radio, drift)
-        compass = Prior.of(observations, use_headings=True, height_sigma_m=np.inf)
-        as_merged = observations.state(np.eye(4))[None]
-        return float(mixture.log_likelihood(as_merged)[0] + compass.log_density(as_merged)[0])
+        found = np.zeros(len(logs))
+        by_compass: dict[int, list[int]] = {}
+        for n, log in enumerate(logs):
+            by_compass.setdefault(id(log.headings), []).append(n)
+        for same in by_compass.values():
+            found[same] = self._of_same_headings([logs[n] for n in same], np.array([widened[n] for n in same]))
+        return found
 
-    def _observations(self, log: WirelessLog) -> Observations | None:
-        links: Links = TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
-        return Observations.of(links, self.alignment.radio) if len(links) else None
+    def _of_same_headings(self, logs: Sequence[WirelessLog], widened: BoolArray) -> FloatArray:
+        """The same, all at once: as one log whose parts have nothing to do with each other."""
+        together = WirelessLog(tuple(m for log in logs for m in log.measurements), logs[0].headings)
+        links: Links = TeamLinks.of(self.merged, together, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+        if len(links) == 0:
+            return np.zeros(len(logs))
+        starts = np.cumsum([0, *(len(log.measurements) for log in logs)])
+        part = np.searchsorted(starts, links.measurement, side="right") - 1
+        distance_m = np.linalg.norm(links.antenna_b - links.antenna_a, axis=1)
+        observations = replace(
+            Observations.of(links, self.alignment.radio),
+            independence=independence(links, self.alignment.radio.static_radius_m, part),
+            near_range_m=np.maximum(distance_m, MIN_DISTANCE_M),
+        )
+        each = self._of_measurements(observations, part, widened)
+        return np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+
+    def _of_measurements(self, observations: Observations, part: IntArray, widened: BoolArray) -> FloatArray:
+        """Log-likelihoods `(M,)`, weighed: neighbouring measurements share the drift of odometry.
+
+        By as much as drift exceeds their noise each counts for less, ranges and bearings by their own.
+        """
+        position_m, yaw_rad = drift = self._drift(observations)
+        as_merged = displacement(observations.state(np.eye(4))[None], observations, np.float64)
+        there = np.stack(as_merged, axis=-1)
+        across_rad = np.hypot(yaw_rad, position_m / observations.distance_m)
+        no_paths, no_ranges = np.zeros_like(observations.weight), np.full(len(observations), np.nan)
+        total = np.zeros(len(observations))
+        for weight, range_m, off, noise in (
+            (no_paths, observations.range_m, position_m, observations.range_sigma_m),
+            (observations.weight, no_ranges, across_rad, _sharpest_rad(observations)),
+        ):
+            mixture = Mixture.of(observations.restricted(weight, range_m), self.alignment.radio, drift)
+            counted = observations.independence / (1.0 + (off / _as_first(noise, part, widened)) ** 2)
+            total += counted * mixture.explain(there).log_likelihood[0]
+        return total
 
     def _drift(self, observations: Observations) -> tuple[FloatArray, FloatArray]:
         """Standard deviations `(M,)` of position (m) and yaw (rad) by odometry since the nearest closures."""
@@ -145,16 +174,15 @@ class MergedPair:
 
 def contradiction(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettings) -> Contradiction | None:
     """How the map speaks against the log of two robots; None where it does not."""
-    as_read = pair.log_evidence(log)
     tried = readings_of_log(*pair.pair, log, pair.alignment.calibration)
-    each = [
-        np.array([pair.log_evidence(c.apply((pair.merged, log))[1], log if r.widens else None) for c in r.corrections])
-        for r in tried
-    ]
-    usual = [float(np.max(found - np.square(r.sigmas) / 2)) for r, found in zip(tried, each, strict=True) if r.sigmas]
+    widened = [False, *(reading.widens for reading in tried for _ in reading.corrections)]
+    others = [c.apply((pair.merged, log))[1] for reading in tried for c in reading.corrections]
+    as_read, *found = pair.log_evidences([log, *others], widened).tolist()
+    each = np.split(np.array(found), np.cumsum([len(reading.corrections) for reading in tried])[:-1])
+    usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, each, strict=True) if r.sigmas]
     honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
     known = np.log(settings.systematic_error / len(tried))
-    wrong = [float(known + logsumexp(found) - np.log(len(found))) for found in each]
+    wrong = [float(known + logsumexp(of) - np.log(len(of))) for of in each]
     log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
     if log_odds < np.log(settings.decisive_odds):
         return None
@@ -170,11 +198,27 @@ def _likeliest(reading: Reading, found: FloatArray) -> Correction:
     return reading.corrections[int(np.argmax(found))]
 
 
-def _noise_m(observations: Observations) -> FloatArray:
-    """`(M,)` m, how exact each measurement is: its range, or its most exact path across the distance."""
-    along = np.where(np.isfinite(observations.range_m), observations.range_sigma_m, np.inf)
-    across = np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1)
-    return np.asarray(np.minimum(along, across * np.maximum(observations.distance_m, MIN_DISTANCE_M)))
+def _sharpest_rad(observations: Observations) -> FloatArray:
+    """`(M,)` standard deviation of the most exact path; infinite without one."""
+    return np.asarray(np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1))
+
+
+def _as_first(noise: FloatArray, part: IntArray, widened: BoolArray) -> FloatArray:
+    """Noise `(M,)` by which measurements count: of parts that are widened, that of the first part."""
+    counted = np.nan_to_num(noise, nan=np.inf)
+    for n in np.flatnonzero(widened):
+        counted[part == n] = noise[part == 0]
+    return counted
+
+
+def _compasses(observations: Observations, part: IntArray, parts: int) -> FloatArray:
+    """Log-densities `(N,)` of each part's headings where the map has the robots' frames."""
+    found, as_merged = np.zeros(parts), observations.state(np.eye(4))[None]
+    if np.isfinite(observations.yaw).any():
+        for n in np.unique(part):
+            own = observations.subset(np.flatnonzero(part == n))
+            found[n] = Prior.of(own, use_headings=True, height_sigma_m=np.inf).log_density(as_merged)[0]
+    return found
 
 
 def _tied(closures: Sequence[Closure]) -> dict[str, IntArray]:
