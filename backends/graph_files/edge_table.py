@@ -62,9 +62,8 @@ class EdgeTable:
 
         An edge from a later to an earlier pose may state what the others state, seen from its other end.
         """
-        turned = _leading_digits(se3.inverse_covariance(self.T, self.covariance))
-        numbers = np.unique(np.concatenate([_leading_digits(self.covariance), turned]), axis=0, return_inverse=True)[1]
-        stated, turned = numbers.reshape(2, -1)
+        both = np.concatenate([self.covariance, se3.inverse_covariance(self.T, self.covariance)])
+        stated, turned = np.unique(_leading_digits(both), axis=0, return_inverse=True)[1].reshape(2, -1)
         backward = (self.first > self.second) & np.isin(turned, stated[self.first < self.second])
         return np.asarray(np.where(backward, turned, stated), np.int64)
 
