@@ -46,6 +46,49 @@ class ChainGuess:
 
 
 @dataclass(frozen=True, eq=False)
+class StepOdometry:
+    """Odometry of both robots from each measurement to the next one; the same for every guess.
+
+    Args:
+        by_a: `(M - 1, 3, 3)` axes of a in its odometry frame, where each step ends.
+        by_b: the same of b.
+        covariance_a: `(M - 1, 6, 6)` of a's motion, see `PairOdometry.covariance_a`.
+        covariance_b: of b's.
+    """
+
+    by_a: FloatArray
+    by_b: FloatArray
+    covariance_a: FloatArray
+    covariance_b: FloatArray
+
+    @classmethod
+    def of(cls, observations: Observations, odometry: PairOdometry) -> StepOdometry:
+        """Between measurements in order of time."""
+        index_a, index_b = observations.index_a, observations.index_b
+        return cls(
+            odometry.a.poses[index_a[1:], :3, :3],
+            odometry.b.poses[index_b[1:], :3, :3],
+            odometry.covariance_a(index_a[:-1], index_a[1:]),
+            odometry.covariance_b(index_b[:-1], index_b[1:]),
+        )
+
+    def covariance(self, guess: ChainGuess) -> FloatArray:
+        """`(M - 1, 4, 4)` covariance of each step of (yaw, w) by odometry: drift of a and of b."""
+        yaw, w = guess.yaw, guess.w
+        total = np.tile(np.diag([_FLOOR_RAD**2, _FLOOR_M**2, _FLOOR_M**2, _FLOOR_M**2]), (len(w) - 1, 1, 1))
+        # a's heading error turns all that a sees about a; its position error shifts it
+        of_a = np.zeros((len(w) - 1, 4, 6))
+        of_a[:, 0, :3] = -self.by_a[:, 2]
+        of_a[:, 1:, :3] = se3.skew(w[1:]) @ self.by_a
+        of_a[:, 1:, 3:] = -self.by_a
+        total += se3.rotate_covariance(of_a, self.covariance_a)
+        of_b = np.zeros((len(w) - 1, 4, 6))
+        of_b[:, 0, :3] = self.by_b[:, 2]
+        of_b[:, 1:, 3:] = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3] @ self.by_b
+        return total + se3.rotate_covariance(of_b, self.covariance_b)
+
+
+@dataclass(frozen=True, eq=False)
 class ChainPosterior:
     """What was measured, and what was known before.
 
@@ -54,14 +97,14 @@ class ChainPosterior:
         radio: what is assumed of the radio.
         drift: `(M,)` and `(M,)` of position (m) and yaw (rad) that each measurement is excused for besides its noise.
         prior: on yaw and height.
-        odometry: of a and b.
+        steps: odometry from each measurement to the next.
     """
 
     constant: SystematicErrors
     radio: RadioModel
     drift: tuple[FloatArray, FloatArray]
     prior: Prior
-    odometry: PairOdometry
+    steps: StepOdometry
 
     def excused(self, share: float) -> ChainPosterior:
         """With a share of the drift."""
@@ -79,24 +122,27 @@ class ChainPosterior:
         """Natural logarithm, up to a constant; `information (M - 1, 4, 4)` is that of the steps."""
         mixture = self.mixture(guess)
         observations = mixture.observations
-        error, _ = _steps(guess, observations)
-        squared = np.einsum("mi,mij,mj->", error, information, error)
-        squared += np.sum((guess.errors / self.constant.prior_sigma) ** 2)
-        squared += np.mean(guess.w[:, 2] ** 2) / self.prior.height_sigma_m**2
-        by_compass = _yaw_information(observations, self.prior) @ np.cos(np.nan_to_num(observations.yaw) - guess.yaw)
         seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~observations.a_receives)
         told = mixture.explain(seen).log_likelihood[0] @ observations.independence
+        return self._log_density(guess, told, _steps(guess, observations)[0], information)
+
+    def _log_density(self, guess: ChainGuess, told: float, error: FloatArray, information: FloatArray) -> float:
+        """From what the measurements say, and the steps' errors."""
+        squared = np.einsum("mi,mi->", (error[:, None] @ information)[:, 0], error)
+        squared += np.sum((guess.errors / self.constant.prior_sigma) ** 2)
+        squared += np.mean(guess.w[:, 2] ** 2) / self.prior.height_sigma_m**2
+        by_compass = self._yaw_information @ np.cos(self._yaw - guess.yaw)
         return float(told + by_compass - squared / 2)
 
-    def linearised(self, guess: ChainGuess) -> Chain:
-        """Measurements, prior and odometry at a guess."""
+    def linearised(self, guess: ChainGuess) -> tuple[Chain, float]:
+        """Measurements, prior and odometry at a guess, and its log-density."""
         mixture = self.mixture(guess)
         observations, constant = mixture.observations, self.constant
         rows = residual_rows(guess.w[None], guess.yaw[None], mixture)
         weight = (rows.weight[0] * observations.independence[:, None])[..., None]
         jacobian = np.concatenate([rows.by_yaw[0][..., None], rows.by_w[0]], axis=-1)
         weighted = np.swapaxes(weight * jacobian, 1, 2)
-        diagonal, gradient = self._by_prior(guess, observations)
+        diagonal, gradient = self._by_prior(guess)
         diagonal += weighted @ jacobian
         gradient += np.einsum("mir,mr->mi", weighted, rows.residual[0])
         by_errors = constant.of_measured()
@@ -105,7 +151,7 @@ class ChainPosterior:
         gradient_of_errors = np.einsum("mri,mr->i", weight * by_errors, rows.residual[0])
         gradient_of_errors -= guess.errors / constant.prior_sigma**2
         error, back = _steps(guess, observations)
-        information = np.asarray(np.linalg.inv(_step_covariance(guess, observations, self.odometry)), float)
+        information = np.asarray(np.linalg.inv(self.steps.covariance(guess)), float)
         coupling = np.swapaxes(back, 1, 2) @ information
         diagonal[:-1] += coupling @ back
         diagonal[1:] += information
@@ -118,27 +164,34 @@ class ChainPosterior:
         of_errors += (steps_weighted @ of_steps).sum(axis=0)
         gradient_of_errors -= np.einsum("mij,mj->i", steps_weighted, error)
         system = BorderedSystem(diagonal, coupling, gradient, border, of_errors, gradient_of_errors)
-        return Chain(system, error, back, of_steps, information, observations.stamp_ns)
+        told = rows.log_likelihood[0] @ observations.independence
+        chain = Chain(system, error, back, of_steps, information, observations.stamp_ns)
+        return chain, self._log_density(guess, told, error, information)
 
-    def _by_prior(self, guess: ChainGuess, observations: Observations) -> tuple[FloatArray, FloatArray]:
+    def _by_prior(self, guess: ChainGuess) -> tuple[FloatArray, FloatArray]:
         """Information `(M, 4, 4)` and gradient `(M, 4)` of what is known of height and yaw."""
         count, height = len(guess.w), self.prior.height_sigma_m**-2
         diagonal = np.tile(1e-6 * np.eye(4), (count, 1, 1))  # what nothing is known of still has a solution
         gradient = np.zeros((count, 4))
         diagonal[:, 3, 3] += height / count  # the prior is one number, however many measurements
         gradient[:, 3] -= guess.w[:, 2] * height / count
-        information = _yaw_information(observations, self.prior)
-        diagonal[:, 0, 0] += information
-        gradient[:, 0] += information * np.sin(np.nan_to_num(observations.yaw) - guess.yaw)
+        diagonal[:, 0, 0] += self._yaw_information
+        gradient[:, 0] += self._yaw_information * np.sin(self._yaw - guess.yaw)
         return diagonal, gradient
 
+    @cached_property
+    def _yaw(self) -> FloatArray:
+        """`(M,)` by the headings; 0 where unknown."""
+        return np.nan_to_num(self.constant.observations.yaw)
 
-def _yaw_information(observations: Observations, prior: Prior) -> FloatArray:
-    """`(M,)` of each measurement's headings; the prior is one number, however many of them."""
-    if not np.isfinite(prior.yaw):
-        return np.zeros(len(observations))
-    known = np.isfinite(observations.yaw)
-    return np.asarray(np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum())
+    @cached_property
+    def _yaw_information(self) -> FloatArray:
+        """`(M,)` of each measurement's headings; the prior is one number, however many of them."""
+        observations = self.constant.observations
+        if not np.isfinite(self.prior.yaw):
+            return np.zeros(len(observations))
+        known = np.isfinite(observations.yaw)
+        return np.asarray(np.where(known, np.nan_to_num(observations.yaw_sigma, nan=1.0) ** -2, 0.0) / known.sum())
 
 
 def _steps(guess: ChainGuess, observations: Observations) -> tuple[FloatArray, FloatArray]:
@@ -153,22 +206,3 @@ def _steps(guess: ChainGuess, observations: Observations) -> tuple[FloatArray, F
     back = np.tile(-np.eye(4), (len(w) - 1, 1, 1))
     back[:, 1, 0], back[:, 2, 0] = turned[:, 1], -turned[:, 0]
     return error, back
-
-
-def _step_covariance(guess: ChainGuess, observations: Observations, odometry: PairOdometry) -> FloatArray:
-    """`(M - 1, 4, 4)` covariance of each step of (yaw, w) by odometry: drift of a and of b."""
-    yaw, w = guess.yaw, guess.w
-    total = np.tile(np.diag([_FLOOR_RAD**2, _FLOOR_M**2, _FLOOR_M**2, _FLOOR_M**2]), (len(w) - 1, 1, 1))
-    index_a, index_b = observations.index_a, observations.index_b
-    # a's heading error turns all that a sees about a; its position error shifts it
-    R_odom_body = odometry.a.poses[index_a[1:], :3, :3]
-    of_a = np.zeros((len(w) - 1, 4, 6))
-    of_a[:, 0, :3] = -R_odom_body[:, 2]
-    of_a[:, 1:, :3] = se3.skew(w[1:]) @ R_odom_body
-    of_a[:, 1:, 3:] = -R_odom_body
-    total += se3.rotate_covariance(of_a, odometry.covariance_a(index_a[:-1], index_a[1:]))
-    R_odom_body = odometry.b.poses[index_b[1:], :3, :3]
-    of_b = np.zeros((len(w) - 1, 4, 6))
-    of_b[:, 0, :3] = R_odom_body[:, 2]
-    of_b[:, 1:, 3:] = se3.from_yaw(yaw[1:], np.zeros((len(w) - 1, 3)))[:, :3, :3] @ R_odom_body
-    return total + se3.rotate_covariance(of_b, odometry.covariance_b(index_b[:-1], index_b[1:]))

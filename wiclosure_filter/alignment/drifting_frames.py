@@ -18,7 +18,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior, StepOdometry
 from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
@@ -90,16 +90,17 @@ def follow_drift(
     """
     order = np.argsort(rigid.observations.stamp_ns, kind="stable")
     constant = SystematicErrors.of(rigid.observations.subset(order), odometry, calibration)
-    posterior = ChainPosterior(constant, rigid.radio, (drift[0][order], drift[1][order]), prior, odometry)
+    steps = StepOdometry.of(constant.observations, odometry)
+    posterior = ChainPosterior(constant, rigid.radio, (drift[0][order], drift[1][order]), prior, steps)
     yaw = np.full(len(order), state[0])
     w = displacements_in_a(state[None], constant.observations)[1][0]
     at_start = rigid.subset(order).explain(seen_by_receiver(w[None], yaw[None], ~constant.observations.a_receives))
     guess = ChainGuess(yaw, w, constant.first_guess(at_start, np.linalg.norm(w, axis=1)))
     for excuse in _EXCUSES if drift_matters(drift, rigid.observations) else _EXCUSES[-_FEW:]:
         excused = posterior.excused(excuse)
-        chain = excused.linearised(guess)
+        chain, here = excused.linearised(guess)
         step = chain.system.solved()
-        guess = _uphill(excused, guess, (step[0].reshape(-1, 4), step[1]), chain.information)
+        guess = _uphill(excused, guess, here, (step[0].reshape(-1, 4), step[1]), chain.information)
     corrected, middle, system = constant.corrected(guess.errors), len(order) // 2, chain.system
     seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~corrected.a_receives)
     explanation = Mixture.of(corrected, rigid.radio).explain(seen)
@@ -119,15 +120,20 @@ def follow_drift(
 
 
 def _uphill(
-    posterior: ChainPosterior, guess: ChainGuess, step: tuple[FloatArray, FloatArray], information: FloatArray
+    posterior: ChainPosterior,
+    guess: ChainGuess,
+    here: float,
+    step: tuple[FloatArray, FloatArray],
+    information: FloatArray,
 ) -> ChainGuess:
     """The guess after a Gauss-Newton step of blocks `(M, 4)` and errors `(7,)`, or after as much of it as leads uphill.
+
+    `here` is the guess's log-density.
 
     Ranges alone hold a far robot on a circle: a long step along its tangent would leave them all unexplained.
     """
     blocks, errors = step
     shrink = max(np.abs(blocks[:, 0]).max() / _MAX_STEP_RAD, np.abs(blocks[:, 1:]).max() / _MAX_STEP_M, 1.0)
-    here = posterior.log_density(guess, information)
     for share in _SHARES / shrink:
         moved = guess.moved(share * blocks, share * errors)
         if posterior.log_density(moved, information) > here:

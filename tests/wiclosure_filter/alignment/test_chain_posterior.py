@@ -9,7 +9,7 @@ import pytest
 
 from wiclosure.drift import DriftModel
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior, StepOdometry
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a
 
@@ -21,12 +21,14 @@ def test_the_gradient_is_that_of_the_density(kind: str, make_case: Callable[...,
     observations, rng = case.problem.observations, np.random.default_rng(3)
     constant = SystematicErrors.of(observations, case.problem.odometry, CalibrationPriors())
     nothing = np.zeros(len(observations)), np.zeros(len(observations))
-    posterior = ChainPosterior(constant, case.problem.radio, nothing, case.problem.prior, case.problem.odometry)
+    steps = StepOdometry.of(observations, case.problem.odometry)
+    posterior = ChainPosterior(constant, case.problem.radio, nothing, case.problem.prior, steps)
     w = displacements_in_a(case.state[None], observations)[1][0] + rng.normal(
         0, [0.1, 0.1, 0.0], (len(observations), 3)
     )
     guess = ChainGuess(np.full(len(w), case.state[0] + 0.01), w, np.zeros(COUNT))
-    chain = posterior.linearised(guess)
+    chain, here = posterior.linearised(guess)
+    assert here == pytest.approx(posterior.log_density(guess, chain.information), rel=1e-12)
 
     def density(block: int, number: int, by: float) -> float:
         blocks = np.zeros((len(w), 4))
