@@ -142,17 +142,17 @@ def _constant_errors(T_a_b: FloatArray, inputs: RadioInputs, settings: Alignment
     if there.any():
         in_axes = np.einsum("mji,mj->mi", links.R_odom_axes, seen)
         off = se3.wrap_angle(links.azimuth - np.arctan2(in_axes[:, 1], in_axes[:, 0])[:, None])
-        angle = float(np.angle(_mode(np.exp(1j * off[there]), _WIDTH_RAD)))
+        angle = float(np.angle(mode(np.exp(1j * off[there]), _WIDTH_RAD)))
         if abs(angle) > _LEAST_OFF_RAD:
             found.append(azimuths_off(angle))
     ranged = links.has_range
     if ranged.any():
-        bias = float(_mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
+        bias = float(mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
         found += [ranges_off(sign * max(abs(bias), 3 * _LEAST_OFF_M)) for sign in (1.0, -1.0)]
     return found
 
 
-def _mode(values: np.ndarray, width: float) -> np.ndarray:
+def mode(values: np.ndarray, width: float) -> np.ndarray:
     """Mean of the values around the one that has most others near it."""
     near = np.abs(values[:, None] - values[None, :]) < width
     return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())
