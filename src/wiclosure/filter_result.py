@@ -52,6 +52,7 @@ class Calibration:
         unit: `m`, `s`, `rad`, or empty for a ratio.
         value, sigma: the estimate; sigma is that of the prior where the measurements do not tell.
         prior_sigma: standard deviation that was expected.
+        held_sigma: that of the Gaussian which stood for the prior: wider where a blunder is likely, or nothing tells.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Calibration:
     value: float
     sigma: float
     prior_sigma: float
+    held_sigma: float
 
     @property
     def extraordinary(self) -> bool:
@@ -80,7 +82,7 @@ class Calibration:
     @property
     def measured(self) -> tuple[float, float]:
         """Value and sigma by the measurements alone, without the prior that draws the estimate to zero."""
-        told = max(1.0 - (self.sigma / self.prior_sigma) ** 2, 1e-6)
+        told = max(1.0 - (self.sigma / self.held_sigma) ** 2, 1e-6)
         return self.value / told, self.sigma / math.sqrt(told)
 
     @property

@@ -92,7 +92,7 @@ class Strain:
         open_steps = chain.covariance() @ chain.information
         held = chain.information @ (np.eye(4) - open_steps)
         left_open = np.trace(open_steps, axis1=1, axis2=2).sum()
-        left_open += np.sum(np.diag(errors.covariance) / errors.prior_sigma**2)
+        left_open += np.sum(np.diag(errors.covariance) / errors.held_sigma**2)
         jump = np.square([_JUMP_RAD, _JUMP_M, _JUMP_M, _JUMP_HEIGHT_M])
         freed = np.eye(4) + held * jump
         gained = np.einsum("mi,mi->m", force * jump, np.linalg.solve(freed, force[..., None])[..., 0])

@@ -75,7 +75,10 @@ def tried(
 def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
     """Of the alignments that are only compared."""
     guard = settings.guard.model_copy(update={"weigh_blunders": False})
-    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS, "guard": guard})
+    # Constant errors of a blunder's size are what the corrections are: here each is granted its usual size only.
+    usual = settings.calibration.model_copy(update={"blunder_share": 0.0})
+    few = {"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS}
+    return settings.model_copy(update={**few, "guard": guard, "calibration": usual})
 
 
 def with_fault(alignment: FrameAlignment, correction: Correction | None) -> FrameAlignment:
