@@ -142,6 +142,8 @@ class FrameAlignment:
         corrections: faults of the log that were corrected.
         strain: sum of squares, in standard deviations, by which the measurements bend odometry and constant errors.
         strain_probability: that they bend them as far if both err as usual.
+        bent_ns: between which times at a they bend it most, or tell another alignment; None where nothing tells.
+        slipped: whether odometry slipped then, or a robot was moved: links before and after have alignments of their own.
     """
 
     robot_a: str
@@ -160,6 +162,8 @@ class FrameAlignment:
     corrections: tuple[str, ...] = ()
     strain: float = 0.0
     strain_probability: float = 1.0
+    bent_ns: tuple[int, int] | None = None
+    slipped: bool = False
 
     @property
     def only_blunders(self) -> bool:

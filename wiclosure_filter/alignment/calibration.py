@@ -137,9 +137,7 @@ class EstimatedErrors:
         sigma = np.sqrt(np.diag(self.covariance))
         return tuple(
             Calibration(name, unit, *map(float, numbers))
-            for (name, unit), *numbers in zip(
-                names, self.value, sigma, self.prior.usual, self.held_sigma, strict=True
-            )
+            for (name, unit), *numbers in zip(names, self.value, sigma, self.prior.usual, self.held_sigma, strict=True)
         )
 
 

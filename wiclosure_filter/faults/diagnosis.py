@@ -16,7 +16,15 @@ from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, azimuths_off, corrections, ranges_off
+from wiclosure.wiclosure_filter.faults.corrections import (
+    Correction,
+    RadioInputs,
+    azimuths_off,
+    corrections,
+    ranges_off,
+    slipped,
+)
+from wiclosure.wiclosure_filter.faults.cut import gain_of_cut
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -56,7 +64,15 @@ def likeliest(
     """Which of the corrections that are `tried` makes the measurements fit; a number, which processes can exchange."""
     possible, claimed = tried(alignment, trajectories, log, settings)
     inputs = _of_pair(alignment, trajectories, log)
-    gains = np.array([_gain(claimed, correction, inputs, quick_settings(settings)) for correction in possible])
+    quick = quick_settings(settings)
+    gains = np.array(
+        [
+            gain_of_cut(alignment, claimed, _links(inputs, quick), inputs[0], quick)
+            if correction.slip
+            else _gain(claimed, correction, inputs, quick)
+            for correction in possible
+        ]
+    )
     return int(np.argmax(gains)) if gains.max(initial=-np.inf) > LIKELIER else None
 
 
@@ -69,6 +85,9 @@ def tried(
     if claimed.best is None:
         return [], claimed
     possible = corrections(alignment.robot_a, alignment.robot_b, inputs[1])
+    if alignment.bent_ns is not None:
+        first_ns = int(_links(inputs, quick).stamp_a_ns.min())
+        possible.append(slipped(*((stamp_ns - first_ns) / 1e9 for stamp_ns in alignment.bent_ns)))
     return possible + _constant_errors(claimed.best.T_a_b, inputs, quick), claimed
 
 
@@ -87,9 +106,9 @@ def with_fault(alignment: FrameAlignment, correction: Correction | None) -> Fram
         return alignment
     remedy = " (--accept-correction applies it)" if correction.of_log else ""
     fault = f"{correction.fault}{remedy}"
-    return replace(
-        alignment, ambiguous=True, likely_alternatives=(), reason=f"{fault}; {alignment.reason}", suspected_fault=fault
-    )
+    reason = f"{fault}; {alignment.reason}"
+    doubted = replace(alignment, ambiguous=True, likely_alternatives=(), reason=reason, suspected_fault=fault)
+    return replace(doubted, slipped=correction.slip)
 
 
 def _of_pair(alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog) -> RadioInputs:
