@@ -25,7 +25,7 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.cycles import Cycles, contradictions
+from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.team import NameOrders
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
@@ -134,15 +134,14 @@ class WiClosureFilter:
     ) -> tuple[dict[RobotPair, Links], dict[RobotPair, FrameAlignment]]:
         """Names the likeliest systematic error where measurements do not fit; corrects it if that is accepted."""
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
-        for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
-            alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
         cycles = Cycles(alignments, links, trajectories, settings.drift_inflation)
-        alignments |= cycles.without_refuted_readings(settings.guard.min_odds)
+        alignments |= {pair: alignments[pair].doubted(reason) for pair, reason in cycles.contradictions().items()}
+        alignments |= replace(cycles, alignments=alignments).without_refuted_readings(settings.guard.min_odds)
         orders = NameOrders.of(alignments, trajectories, wireless, settings)
         mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
-        for pair, alignment in list(alignments.items()):
-            if objection and not alignment.ambiguous:
-                alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
+        if objection:  # which also makes of two robots' few alternatives those of two others
+            pruned = [pair for pair, one in alignments.items() if not one.ambiguous or one.likely_alternatives]
+            alignments |= {pair: alignments[pair].doubted(objection) for pair in pruned}
         if mixed_up is None:
             faults = side_by_side.faults(alignments.values(), trajectories, wireless, settings, self.workers)
         else:

@@ -143,7 +143,7 @@ class FrameAlignment:
         strain: sum of squares, in standard deviations, by which the measurements bend odometry and constant errors.
         strain_probability: that they bend them as far if both err as usual.
         bent_ns: between which times at a they bend it most, or tell another alignment; None where nothing tells.
-        slipped: whether odometry slipped then, or a robot was moved: links before and after have alignments of their own.
+        slipped: whether odometry slipped then, or a robot was moved: links before and after tell an alignment each.
     """
 
     robot_a: str
@@ -169,6 +169,10 @@ class FrameAlignment:
     def only_blunders(self) -> bool:
         """Whether all that speaks against it is that blunders would fit as well."""
         return bool(self.likely_alternatives) and all(other.blunder for other in self.likely_alternatives)
+
+    def doubted(self, fault: str) -> FrameAlignment:
+        """The same as one that must not be used to prune, with what seems to be wrong."""
+        return replace(self, ambiguous=True, reason=fault, likely_alternatives=(), suspected_fault=fault)
 
     def certain_after_all(self, because: str) -> FrameAlignment:
         """The same without its doubts, and why these are gone."""

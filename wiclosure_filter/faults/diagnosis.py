@@ -107,8 +107,7 @@ def with_fault(alignment: FrameAlignment, correction: Correction | None) -> Fram
     remedy = " (--accept-correction applies it)" if correction.of_log else ""
     fault = f"{correction.fault}{remedy}"
     reason = f"{fault}; {alignment.reason}"
-    doubted = replace(alignment, ambiguous=True, likely_alternatives=(), reason=reason, suspected_fault=fault)
-    return replace(doubted, slipped=correction.slip)
+    return replace(alignment.doubted(fault), reason=reason, slipped=correction.slip)
 
 
 def _of_pair(alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog) -> RadioInputs:
