@@ -42,7 +42,7 @@ class ErrorPrior:
         off = (value / self.usual) ** 2
         odds = self._odds / BLUNDER_TIMES  # at zero
         density = np.logaddexp(-off / 2, np.log(odds) - off / BLUNDER_TIMES**2 / 2) - np.log1p(odds)
-        return float(-2 * density.sum())
+        return max(float(-2 * density.sum()), 0.0)
 
     @property
     def _odds(self) -> float:

@@ -104,7 +104,7 @@ def test_alignments_around_a_cycle_must_add_up() -> None:
     wrong = {**alignments, ("a", "c"): replace(alignments["a", "c"], best=moved)}
     found = Cycles(wrong, links, odometry, 1.5).contradictions()
     assert set(found) == {("a", "b"), ("b", "c"), ("a", "c")}
-    assert "contradict each other by 40 m" in found["a", "c"]
+    assert "contradict each other by 41 m" in found["a", "c"]
 
 
 def test_names_of_three_that_are_mixed_up_are_found() -> None:
