@@ -40,7 +40,9 @@ def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
     others, best = alignment.likely_alternatives, alignment.best
     if alignment.only_blunders and best is not None:
         return bool(max(other.log_likelihood for other in others) - best.log_likelihood > LIKELIER)
-    return bool(alignment.suspected_fault) or alignment.strain_probability < STRAINED
+    # What fits already can gain no more by a correction than its strain.
+    strained = alignment.strain_probability < STRAINED and alignment.strain / 2 > LIKELIER
+    return bool(alignment.suspected_fault) or strained
 
 
 def likeliest_fault(
