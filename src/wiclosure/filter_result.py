@@ -170,6 +170,11 @@ class FrameAlignment:
         """Whether all that speaks against it is that blunders would fit as well."""
         return bool(self.likely_alternatives) and all(other.blunder for other in self.likely_alternatives)
 
+    @property
+    def slip_ns(self) -> tuple[int, int] | None:
+        """Between which times at a odometry slipped, or a robot was moved; None where it seems not to."""
+        return self.bent_ns if self.slipped else None
+
     def doubted(self, fault: str) -> FrameAlignment:
         """The same as one that must not be used to prune, with what seems to be wrong."""
         return replace(self, ambiguous=True, reason=fault, likely_alternatives=(), suspected_fault=fault)
