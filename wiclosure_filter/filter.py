@@ -36,7 +36,7 @@ from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs
 from wiclosure.wiclosure_filter.search.pairs import count_pairs
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
-from wiclosure.wiclosure_filter.unjoined import UnjoinedRobots, as_candidates, outcome
+from wiclosure.wiclosure_filter.unjoined.unjoined_robots import UnjoinedRobots, as_candidates, outcome
 from wiclosure.workers import ThisProcess, Workers
 
 RobotPair: TypeAlias = tuple[str, str]

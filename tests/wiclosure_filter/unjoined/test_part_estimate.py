@@ -14,8 +14,8 @@ from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
 from wiclosure.wiclosure_filter.search.overlap_search import find_overlap
 from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
-from wiclosure.wiclosure_filter.shared.part_estimate import PartEstimate
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, share_trajectories
+from wiclosure.wiclosure_filter.unjoined.part_estimate import PartEstimate
 
 SETTINGS = FilterSettings()
 PAIR = ("a", "b")

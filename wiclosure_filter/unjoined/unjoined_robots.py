@@ -21,8 +21,8 @@ from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_ove
 from wiclosure.wiclosure_filter.search.pairs import all_pairs
 from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
 from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
-from wiclosure.wiclosure_filter.shared.part_estimate import PartEstimate
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, share_trajectories
+from wiclosure.wiclosure_filter.unjoined.part_estimate import PartEstimate
 
 
 @dataclass(frozen=True, eq=False)
