@@ -12,7 +12,7 @@ from wiclosure.types import CandidatePairs, FilterResult, Trajectory
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 
-from ..faults.test_diagnosis import heard, team
+from .faults.test_diagnosis import heard, team
 
 NEAR_M, AT = 10.0, 40
 CARRIED = se3.from_yaw(0.6, np.array([25.0, -12.0, 0.0]))
