@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wiclosure.pipeline.config import MutualCheckSettings
+from wiclosure.pipeline.mutual_check.odds import in_words
 from wiclosure.pipeline.mutual_check.readings import Apart, Reading, readings_of_log
 from wiclosure.types import Closure, FloatArray, IntArray, Stage, Trajectory, WirelessLog, survivors
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -76,7 +77,7 @@ class Contradiction:
     @property
     def odds(self) -> str:
         """That something is wrong."""
-        return f"10^{self.log_odds / np.log(10):.0f} to 1"
+        return in_words(self.log_odds)
 
     @property
     def likely(self) -> str:
