@@ -16,7 +16,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
@@ -35,7 +35,8 @@ class SystematicErrors:
         velocity_b: `(M, 3)` m/s of b, in its odometry axes.
         yaw_rate_b: `(M,)` rad/s of b; 0 where the axes of the angles do not turn with it.
         moved_a, moved_b: `(M, 3)` m from where each robot was in the middle of the time.
-        prior_sigma: `(7,)`, or `(B, 7)` of the measurements of B pairs of robots.
+        prior_sigma: `(7,)` of the Gaussians that hold the errors near zero, see `ErrorPrior.held`; `(B, 7)` of the
+            measurements of B pairs of robots.
     """
 
     observations: Observations
@@ -46,14 +47,11 @@ class SystematicErrors:
     prior_sigma: FloatArray
 
     @classmethod
-    def of(cls, observations: Observations, odometry: PairOdometry, priors: CalibrationPriors) -> SystematicErrors:
+    def of(cls, observations: Observations, odometry: PairOdometry, prior_sigma: FloatArray) -> SystematicErrors:
         """Of measurements in order of time."""
-        velocity, yaw_rate = motion(odometry.b, observations.index_b)
-        sigma = [priors.range_bias_m, priors.range_scale, priors.clock_s, priors.mounting_rad, priors.mounting_rad]
         middle = len(observations) // 2
         moved_a, moved_b = (antenna - antenna[middle] for antenna in (observations.a, observations.b))
-        prior_sigma = np.array([*sigma, priors.scale, priors.scale])
-        return cls(observations, velocity, yaw_rate, moved_a, moved_b, prior_sigma)
+        return cls(observations, *motion(odometry.b, observations.index_b), moved_a, moved_b, prior_sigma)
 
     @classmethod
     def joined(cls, parts: Sequence[SystematicErrors]) -> SystematicErrors:
@@ -123,17 +121,19 @@ class EstimatedErrors:
     Args:
         value: `(7,)`.
         covariance: `(7, 7)`.
-        prior_sigma: `(7,)`.
+        prior: what was known beforehand.
+        held_sigma: `(7,)` of the Gaussians that stood for the prior.
     """
 
     value: FloatArray
     covariance: FloatArray
-    prior_sigma: FloatArray
+    prior: ErrorPrior
+    held_sigma: FloatArray
 
     @property
     def squared(self) -> float:
-        """Sum of squares, in standard deviations of the prior."""
-        return float(np.sum((self.value / self.prior_sigma) ** 2))
+        """Sum of squares in standard deviations of the prior; a blunder counts as its rarity."""
+        return self.prior.squared(self.value)
 
     def calibrations(self, robot_a: str, robot_b: str) -> tuple[Calibration, ...]:
         """As they are reported; those that the measurements tell nothing of are left out."""
@@ -148,8 +148,8 @@ class EstimatedErrors:
         )
         sigma = np.sqrt(np.diag(self.covariance))
         return tuple(
-            Calibration(name, unit, float(value), float(s), float(prior))
-            for (name, unit), value, s, prior in zip(names, self.value, sigma, self.prior_sigma, strict=True)
+            Calibration(name, unit, *map(float, numbers))
+            for (name, unit), *numbers in zip(names, self.value, sigma, self.prior.usual, self.held_sigma, strict=True)
         )
 
 

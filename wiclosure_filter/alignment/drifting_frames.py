@@ -11,7 +11,7 @@ bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
 from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains
 from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
@@ -92,6 +93,11 @@ class RigidTransform:
     odometry: PairOdometry
     calibration: CalibrationPriors
 
+    @property
+    def known(self) -> ErrorPrior:
+        """Of constant errors."""
+        return ErrorPrior.of(self.calibration)
+
     @cached_property
     def order(self) -> IntArray:
         """`(M,)` measurements in order of time."""
@@ -100,7 +106,7 @@ class RigidTransform:
     @cached_property
     def constant(self) -> SystematicErrors:
         """The measurements in order of time, as constant errors change them."""
-        return SystematicErrors.of(self.mixture.observations.subset(self.order), self.odometry, self.calibration)
+        return SystematicErrors.of(self.mixture.observations.subset(self.order), self.odometry, self.known.usual)
 
     @cached_property
     def drift_matters(self) -> bool:
@@ -165,14 +171,16 @@ def _climbed(rigid: Sequence[RigidTransform]) -> list[DriftingFrames]:
     guess = ChainGuess(
         *(np.concatenate(parts) for parts in zip(*((g.yaw, g.w, g.errors) for g in guesses), strict=True))
     )
-    excused, share = posterior, 1.0
+    known, constant = rigid[0].known, posterior.constant
     for excuse in _EXCUSES if rigid[0].drift_matters else _EXCUSES[-_FEW:]:
-        if excuse != share:
-            excused, share = posterior.excused(excuse), excuse
+        held = constant.prior_sigma
+        excused = replace(posterior.excused(excuse), constant=constant)
         chains, here = excused.linearised(guess)
         step = chains.solved()
         guess = _uphill(excused, guess, here, step, chains.information)
-    return [_frames(one, guess, step, chains, number) for number, one in enumerate(rigid)]
+        sigma = np.sqrt(np.diagonal(chains.covariance_of_errors, axis1=1, axis2=2))
+        constant = replace(constant, prior_sigma=known.held(guess.errors, sigma, held))
+    return [_frames(one, guess, step, chains, number, held[number]) for number, one in enumerate(rigid)]
 
 
 def _frames(
@@ -181,8 +189,9 @@ def _frames(
     step: tuple[FloatArray, FloatArray],
     chains: LinearChains,
     number: int,
+    held: FloatArray,
 ) -> DriftingFrames:
-    """One of the chains."""
+    """One of the chains, of which errors were held by Gaussians of sigma `held (7,)`."""
     constant, order, errors = rigid.constant, rigid.order, guess.errors[number]
     rows = slice(*chains.segments.ends[number : number + 2])
     yaw, w, chain = guess.yaw[rows], guess.w[rows], chains.chain(number)
@@ -200,7 +209,7 @@ def _frames(
         int(order[middle]),
         at_middle,
         covariance,
-        EstimatedErrors(errors, system.covariance_of_errors(), constant.prior_sigma),
+        EstimatedErrors(errors, system.covariance_of_errors(), rigid.known, held),
         corrected.subset(back),
         chain.moved(step[0][rows], step[1][number]),
     )
