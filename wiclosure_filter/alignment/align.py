@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FrameAlignment, Trajectory
-from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess
+from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, support
 from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
@@ -122,7 +122,7 @@ class _Chosen:
             fit,
             objections,
             extraordinary or slip or misfit or blunder,
-            selection.reason,
+            support(best.explanation, best.mixture),
             likely=bool(only_blunders or second or ((selection.alternatives or contested) and not misfit and not slip)),
         )
 
