@@ -7,7 +7,14 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.runtime.cache import StageCache, Stock, _modules, code_digest, default_cache_folder, file_identity
+from wiclosure.pipeline.runtime.cache import (
+    StageCache,
+    Stock,
+    _modules,
+    code_digest,
+    default_cache_folder,
+    file_identity,
+)
 
 
 class Stage:
