@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FrameAlignment, Trajectory
-from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess
+from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, support
 from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept, rigid_transform
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
@@ -145,7 +145,7 @@ class _Chosen:
             fit,
             objections,
             extraordinary or slip or misfit or blunder,
-            selection.reason,
+            support(best.explanation, best.mixture),
             only_blunders or (few and not (extraordinary or misfit or slip)),
             second.bent_ns if second is not None and second.slip else best.bent_ns,
         )
