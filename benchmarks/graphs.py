@@ -432,7 +432,11 @@ MADE: dict[str, Callable[[int], Graph]] = {"lawn": lawn_mower, "streets": street
 HELD_OUT: dict[str, Callable[[int], Graph]] = {"garage": garage, "meadow": meadow}
 """Kinds of graphs that the back end was not built with."""
 
-LARGE: dict[str, tuple[Callable[[int], Graph], int]] = {"city": (city, 10), "cubicle": (cubicle, 3), "torus": (torus, 3)}
+LARGE: dict[str, tuple[Callable[[int], Graph], int]] = {
+    "city": (city, 10),
+    "cubicle": (cubicle, 3),
+    "torus": (torus, 3),
+}
 """Graphs of thousands of poses and loops, and in how many robots they are cut."""
 
 FILES = (

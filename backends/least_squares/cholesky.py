@@ -40,7 +40,7 @@ class Pattern:
 
     @classmethod
     def of(cls, fronts: Sequence[Front], rows: IntArray, columns: IntArray, size: int) -> Pattern:
-        """For blocks at `rows <= columns` `(B,)`, those at one place to be summed; each node has one on the diagonal."""
+        """For blocks at `rows <= columns` `(B,)`, those at one place summed; each node has one on the diagonal."""
         order = np.argsort(rows * size + columns, kind="stable")
         places = (rows * size + columns)[order]
         starts = np.flatnonzero(np.diff(places, prepend=-1))

@@ -73,7 +73,8 @@ def _elimination_tree(low: IntArray, high: IntArray, size: int) -> IntArray:
     """`(N,)` the first later node that each is joined with once all before are gone; -1 at roots."""
     parent, ancestor = [-1] * size, [-1] * size
     by_high = np.lexsort((low, high))
-    for node, later in zip(low[by_high].tolist(), high[by_high].tolist(), strict=True):
+    for below, later in zip(low[by_high].tolist(), high[by_high].tolist(), strict=True):
+        node = below
         while node != later:
             above, ancestor[node] = ancestor[node], later  # paths are compressed
             if above < 0:
@@ -86,7 +87,7 @@ def _elimination_tree(low: IntArray, high: IntArray, size: int) -> IntArray:
 def _postorder(parent: IntArray) -> IntArray:
     """Nodes `(N,)` such that those below each come right before it."""
     children: list[list[int]] = [[] for _ in parent]
-    stack = []
+    stack: list[int] = []
     for node, above in enumerate(parent.tolist()):
         (children[above] if above >= 0 else stack).append(node)
     order = []

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from wiclosure.backends.least_squares.cholesky import Cholesky, Pattern
 from wiclosure.backends.least_squares.fronts import fronts_of
@@ -72,7 +70,9 @@ class NormalMatrix:
         turned = self.position[self.first] > self.position[self.second]
         between[turned] = np.swapaxes(between[turned], 1, 2)
         size, width = len(self.position), A.shape[-1]
-        diagonal = self.gathered(*(np.diagonal(blocks, axis1=1, axis2=2) for blocks in (by_first, by_second)))
+        diagonal = np.zeros((size, width))
+        for nodes, of_edges in ((self.first, by_first), (self.second, by_second)):
+            np.add.at(diagonal, nodes, np.diagonal(of_edges, axis1=1, axis2=2))
         least = np.full((size, width), LEAST_INFORMATION)
         least[held] = HELD
         while True:
@@ -82,20 +82,3 @@ class NormalMatrix:
             if of is not None:
                 return Factorised(of, self.position)
             damping = max(10.0 * damping, LEAST_DAMPING)
-
-    def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
-        """Sums `(N, K, ...)` at the nodes of what the edges `(M, K, ...)` have at either end."""
-        count, *shape = at_first.shape
-        width = int(np.prod(shape))
-        summed = sum(of @ at.reshape(count, width) for of, at in zip(self._ends, (at_first, at_second), strict=True))
-        return np.asarray(summed).reshape(-1, *shape)
-
-    @cached_property
-    def _ends(self) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-        """`(N, M)` matrices, one at each edge's first and at its second node."""
-        count, size = len(self.first), len(self.position)
-        ones, edges = np.ones(count), np.arange(count)
-        at_first, at_second = (
-            sp.csr_matrix((ones, (of, edges)), shape=(size, count)) for of in (self.first, self.second)
-        )
-        return at_first, at_second

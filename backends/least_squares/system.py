@@ -5,10 +5,12 @@ Everything here is vectorised over the edges; the sparse normal equations are so
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom
@@ -98,9 +100,12 @@ class System:
 
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
         """`J^T r` `(N, K, ...)` for weighted residuals `(M, K, ...)`."""
-        columns = residuals if residuals.ndim == 3 else residuals[..., None]
-        at_first, at_second = (np.swapaxes(J, 1, 2) @ columns for J in jacobians)
-        return self.normal.gathered(at_first, at_second).reshape(self.size, *residuals.shape[1:])
+        count, width, *columns = residuals.shape
+        nodes = np.stack([self.edges.first, self.edges.second], axis=1)
+        held = (width * nodes[:, None, :, None] + np.arange(width)).repeat(width, axis=1)
+        entries, rows = np.concatenate(jacobians, axis=2).ravel(), 2 * width * np.arange(count * width + 1)
+        J = sp.csr_array((entries, held.ravel(), rows), shape=(count * width, self.size * width))
+        return np.asarray(J.T @ residuals.reshape(count * width, math.prod(columns))).reshape(self.size, width, *columns)
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
         """Levenberg-Marquardt from the poses `(N, 4, 4)`.

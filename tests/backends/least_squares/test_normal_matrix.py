@@ -26,13 +26,6 @@ def test_it_solves_what_the_dense_matrix_solves(seed, size, edges):
     np.testing.assert_allclose(H @ found.reshape(6 * size, 3), right, rtol=1e-5, atol=1e-5 * np.abs(right).max())
 
 
-def test_what_edges_have_at_their_ends_is_summed_at_the_nodes():
-    first, second = np.array([0, 0, 2]), np.array([1, 2, 1])
-    at_first, at_second = np.full((3, 6, 2), 1.0), np.full((3, 6, 2), 10.0)
-    found = NormalMatrix.of(first, second, 4).gathered(at_first, at_second)
-    np.testing.assert_array_equal(found[:, 0, 0], [2.0, 20.0, 11.0, 0.0])
-
-
 def test_a_matrix_that_rounding_leaves_without_a_gauge_is_solved():
     """Two chains, one held; nothing but the least information holds the other, far below what is rounded."""
     first, second = np.array([0, 1, 3, 4]), np.array([1, 2, 4, 5])
