@@ -105,7 +105,8 @@ class System:
         held = (width * nodes[:, None, :, None] + np.arange(width)).repeat(width, axis=1)
         entries, rows = np.concatenate(jacobians, axis=2).ravel(), 2 * width * np.arange(count * width + 1)
         J = sp.csr_array((entries, held.ravel(), rows), shape=(count * width, self.size * width))
-        return np.asarray(J.T @ residuals.reshape(count * width, math.prod(columns))).reshape(self.size, width, *columns)
+        summed = J.T @ residuals.reshape(count * width, math.prod(columns))
+        return np.asarray(summed).reshape(self.size, width, *columns)
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
         """Levenberg-Marquardt from the poses `(N, 4, 4)`.
