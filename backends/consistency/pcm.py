@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.types import Closure, Stage, Trajectory
+from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +46,31 @@ class PcmResult:
             *sentences,
         )
 
+    def sets_in_doubt(self, fewest: int) -> list[list[IntArray]]:
+        """Of each two robots, sets of closures that contradict each other and are within a factor of two in size.
+
+        Args:
+            fewest: closures of a set, below which it puts nothing in doubt.
+
+        Returns:
+            Rows of the closures of each set, the largest first; nothing under `method: published`.
+        """
+        if self.basis is None:
+            return []
+        team, merged = self.basis
+        found: defaultdict[tuple[int, int], list[IntArray]] = defaultdict(list)
+        for candidate in sorted(merged.candidates, key=len, reverse=True):
+            if len(candidate) >= fewest and not candidate.refutation:
+                found[candidate.a, candidate.b].append(team.rows[candidate.rows])
+        alike = ([rows for rows in sets if 2 * len(rows) >= len(sets[0])] for sets in found.values())
+        return [sets for sets in alike if len(sets) > 1]
+
 
 def pairwise_consistent(
-    closures: Sequence[Closure], trajectories: Mapping[str, Trajectory], settings: PcmSettings | None = None
+    closures: Sequence[Closure],
+    trajectories: Mapping[str, Trajectory],
+    settings: PcmSettings | None = None,
+    supported: Collection[int] = (),
 ) -> PcmResult:
     """Accepts live closures that agree with each other and with odometry; rejects the others.
 
@@ -56,6 +78,8 @@ def pairwise_consistent(
         closures: any; those not measured yet, or rejected, pass through unchanged.
         trajectories: keyframe odometry by robot, with its drift model; each robot in its own frame.
         settings: defaults where None.
+        supported: rows of closures that other evidence speaks for, as it does for those that were predicted: a set of
+            them may come from one place.
 
     Raises:
         InputError: a closure names a robot or a keyframe that the trajectories do not have.
@@ -74,7 +98,8 @@ def pairwise_consistent(
         return PcmResult(tuple(_with_support(checked, sets, decisions)), tuple(report for report, _ in found))
     if not sets:
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
-    team = TeamArrays.of(trajectories, sets, np.array([c.prediction is not None for c in closures]))
+    predicted = np.array([c.prediction is not None or row in supported for row, c in enumerate(closures)])
+    team = TeamArrays.of(trajectories, sets, predicted)
     merged = merge_groups(team.robots, merge_settings(settings, team.robots.degrees))
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])

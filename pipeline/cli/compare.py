@@ -161,6 +161,7 @@ def _compared(plan: Plan, folder: Path, working: Working, viewers: Viewers) -> C
             jobs=working.jobs,
             progress=working.progress,
             viewed=viewed,
+            apart=not viewers.recording,
             cluster=cluster,
         )
     write_comparison(folder, compared)

@@ -186,7 +186,7 @@ class SideBySide:
             "--cluster",
             metavar="ADDRESS",
             help="dask scheduler whose workers do the work: tcp://HOST:PORT, tls://HOST:PORT, or local:N to start N"
-            " here; all machines must share the cache's folder (simulate: that of --out)",
+            " here; all machines must share the cache's folder (simulate, and several seeds: that of --out too)",
             show_default=False,
         ),
     ] = None

@@ -98,6 +98,11 @@ class Viewers:
     window: Window | None = None
     lines: bool = False
 
+    @property
+    def recording(self) -> bool:
+        """Whether runs are shown in the viewer, or kept for it: from this process alone."""
+        return self.file is not None or self.window is not None
+
     @contextmanager
     def of(self, name: str, *, several: bool = False) -> Iterator[Viewer]:
         """A viewer of one run; several runs have a file each, with the run's name.
@@ -110,11 +115,7 @@ class Viewers:
 
         said = StageLines(name if several else "") if self.lines else NoViewer()
         with ExitStack() as stack:
-            yield (
-                said
-                if self.file is None and self.window is None
-                else Together([said, self._recording(name, several, stack)])
-            )
+            yield (said if not self.recording else Together([said, self._recording(name, several, stack)]))
 
     def _recording(self, name: str, several: bool, stack: ExitStack) -> Viewer:
         from wiclosure.pipeline.report.viewer import RerunViewer

@@ -19,7 +19,7 @@ from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, weigh
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, in_words, weigh
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
 from wiclosure.types import (
     CandidatePairs,
@@ -125,6 +125,8 @@ def check_pair(
         return PairCheck(outcome.pair, None, tuple(c for c in found.blind if c.live))
     middle = [central(found.agreeing, both)]
     claimed = radio.claimed(middle)
+    if found.as_predicted and not claimed.contradicts:
+        return nothing
     agrees = found.gap is None and agrees_with_radio(claimed)
     errors = radio.errors(middle, search=not agrees)
     closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
@@ -146,12 +148,14 @@ class _Found:
         others: registered closures that contradict it.
         blind: all that were registered without prediction to find it.
         gap: from what is predicted of the set; None where nothing is.
+        as_predicted: true where the set is as compasses predict, which tell nothing of ranges and bearings.
     """
 
     agreeing: Sequence[Closure] = ()
     others: int = 0
     blind: tuple[Closure, ...] = ()
     gap: _Gap | None = None
+    as_predicted: bool = False
 
 
 def _found(
@@ -160,19 +164,22 @@ def _found(
     """The set that may contradict the radio; nothing where the first round of registration is in no doubt."""
     pools: list[Sequence[Closure]] = [outcome.live, outcome.registered]
     blind: tuple[Closure, ...] = ()
+    as_predicted = False
     if outcome.kept.predicts is not None:
         contradicting = _contradicting(outcome.registered, config.registration)
-        if len(outcome.live) >= max(_FEWEST, len(contradicting)):
+        as_predicted = len(outcome.live) >= max(_FEWEST, len(contradicting))
+        if as_predicted and outcome.kept.predicts is PredictionKind.POSE:
             return _Found()
-        blind = tuple(register_blindly(outcome.pair, contradicting))
-        pools = [blind]
+        blind = () if as_predicted else tuple(register_blindly(outcome.pair, contradicting))
+        pools = [outcome.live if as_predicted else blind]
     # What a published threshold calls consistent would make evidence of what agrees by chance.
     judged_by = PcmSettings(noise=config.pcm.noise) if config.pcm.published else config.pcm
     for pool in pools:
         agreeing = survivors(pairwise_consistent(pool, both, judged_by).closures, Stage.CONSISTENCY)
         if len(agreeing) > 1:
             others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
-            return _Found(agreeing, others, blind, _gap(outcome.kept, agreeing, config.registration))
+            gap = None if as_predicted else _gap(outcome.kept, agreeing, config.registration)
+            return _Found(agreeing, others, blind, gap, as_predicted)
     return _Found(blind=blind)
 
 
@@ -256,7 +263,7 @@ def _clause(closures: Agreement, gap: _Gap | None) -> str:
 
 
 def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | None) -> str:
-    odds = f"10^{weighed.log_odds / np.log(10):.0f} to 1" if weighed.log_odds < 700 else "beyond doubt"
+    odds = in_words(weighed.log_odds)
     fault = f"most likely: {weighed.cause}"
     if by_map is not None and by_map.causes:
         odds, fault = by_map.odds, f"by where the merged map has the robots: {by_map.likely}"
@@ -269,7 +276,7 @@ def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | 
         " nothing else speaks against; the closures are left out",
         Verdict.NEITHER: f"the radio is the likely fault ({odds}), {fault}; with that put right it still contradicts"
         f" {found}: from places that look alike, it seems; no closure between these robots is accepted",
-        Verdict.UNDECIDED: f"undecided ({np.exp(min(weighed.log_odds, 9.0)):.0f} to 1): {found} and contradict the"
+        Verdict.UNDECIDED: f"undecided ({odds}): {found} and contradict the"
         f" radio; the radio may be at fault, {fault}, or the places look alike; no closure between them is accepted",
     }
     verdict = weighed.verdict

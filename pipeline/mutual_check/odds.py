@@ -53,6 +53,13 @@ class Agreement:
         return min(self.places, _MOST_PLACES) * float(np.log(share)) if self.agreeing else 0.0
 
 
+def in_words(log_odds: float) -> str:
+    """Odds, as a natural logarithm, for the user."""
+    if log_odds < np.log(1000.0):
+        return f"{np.exp(log_odds):.0f} to 1"
+    return f"10^{log_odds / np.log(10):.0f} to 1"
+
+
 class Verdict(StrEnum):
     """Who is right."""
 
@@ -106,11 +113,7 @@ def weigh(
         + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
     )
     right = {
-        "": as_claimed + claimed.implied + other_look_alike,
-        **{e.fault: each + e.implied + other_look_alike for e in errors},
-        "an error of the radio that is none of the known ones": np.log(unknown)
-        + max(claimed.log_evidence, 0.0)
-        + other_look_alike,
+        cause: value + other_look_alike for cause, value in if_closures_are_right(claimed, errors, settings).items()
     }
     neither = {
         e.fault: each + e.log_evidence + closures.log_look_alike + other_look_alike for e in errors if e.contradicts
@@ -128,6 +131,19 @@ def weigh(
         return Weighed(Verdict.COMPATIBLE, log_odds, "")
     wrong = {Verdict.CLOSURES: right, Verdict.NEITHER: neither}.get(likeliest)
     return Weighed(likeliest, log_odds, "" if wrong is None else _likeliest(wrong))
+
+
+def if_closures_are_right(
+    claimed: Explained, errors: Sequence[Explained], settings: MutualCheckSettings
+) -> dict[str, float]:
+    """Log-evidence of the log where closures have the robots, by what is wrong with it; by "" if nothing is."""
+    known, unknown = settings.systematic_error, settings.unknown_error
+    each = np.log(known / max(len(errors), 1))
+    return {
+        "": float(np.log(1.0 - known - unknown)) + claimed.implied,
+        **{e.fault: float(each) + e.implied for e in errors},
+        "an error of the radio that is none of the known ones": float(np.log(unknown)) + max(claimed.log_evidence, 0.0),
+    }
 
 
 def _likeliest(causes: Mapping[str, float]) -> str:

@@ -34,9 +34,10 @@ class StageLines:
             )
 
     def candidates(self, filtered: FilterResult) -> None:
-        """How many pairs are kept."""
+        """How many pairs are kept; of a lone robot there are none."""
         kept, total = filtered.pairs_kept, filtered.pairs_total
-        self._say(f"filter {filtered.filter_name}: {kept:,} of {total:,} pairs kept in {filtered.seconds:.1f} s")
+        if total:
+            self._say(f"filter {filtered.filter_name}: {kept:,} of {total:,} pairs kept in {filtered.seconds:.1f} s")
 
     def closures(self, closures: Sequence[Closure]) -> None:
         """How many are proposed, or left after registration and radio check."""

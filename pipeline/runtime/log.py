@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from logging.handlers import QueueHandler
 from pathlib import Path
+from queue import SimpleQueue
 
 from wiclosure.errors import printable
 
@@ -71,3 +73,27 @@ def warnings_on_terminal() -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(handler)
+
+
+@contextmanager
+def collected() -> Iterator[list[logging.LogRecord]]:
+    """What the package logs inside the block, in a form that can be sent to another process."""
+    logger, queue, records = logging.getLogger("wiclosure"), SimpleQueue[logging.LogRecord](), list[logging.LogRecord]()
+    handler, level = QueueHandler(queue), logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield records
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+        while not queue.empty():
+            records.append(queue.get())
+
+
+def logged_again(records: Iterable[logging.LogRecord]) -> None:
+    """Here, what was collected elsewhere."""
+    for record in records:
+        logger = logging.getLogger(record.name)
+        if logger.isEnabledFor(record.levelno):
+            logger.handle(record)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from itertools import islice
@@ -81,6 +81,30 @@ def front_ends(
     return {result.robot: result for result, _ in done}, reused
 
 
+def odometry_into_cache(
+    robots: Mapping[str, RobotInput], configs: Sequence[Config], cache: StageCache, workers: Workers, progress: Progress
+) -> frozenset[str]:
+    """Leaves what `front_ends` computes in the cache; which of these were there.
+
+    Args:
+        robots: recordings, of several worlds too, by the name that is shown.
+        configs: settings, and those that will be asked for next.
+        cache: that the workers share.
+        workers: who does the work, each for one robot at a time.
+        progress: shows how far it is.
+
+    Raises:
+        InputError: a recording cannot be read, or has no usable scan.
+    """
+    work = [_Work(robot, configs, cache, ahead=False, shown_as=name) for name, robot in robots.items()]
+    with (
+        progress.together({name: len(robot.scans) for name, robot in robots.items()}, "odometry of") as counted,
+        closing(workers.each(_kept, work, told=lambda name, done, _: counted(name, done))) as kept,
+    ):
+        reused = dict(kept)
+    return frozenset(name for number, name in enumerate(robots) if reused[number])
+
+
 def _done(work: Sequence[_Work], workers: Workers, shown: Shown) -> list[tuple[FrontEndResult, bool]]:
     """What one robot lacks is said at once, not after the others are done."""
     if workers.remote:
@@ -152,6 +176,7 @@ class _Work:
         cache: results of earlier runs.
         ahead: whether another process reads the scans.
         seen: whether somebody looks at them as they are followed.
+        shown_as: how the robot is called to the user; empty: by its name.
     """
 
     robot: RobotInput
@@ -159,9 +184,14 @@ class _Work:
     cache: StageCache
     ahead: bool
     seen: bool = False
+    shown_as: str = ""
 
     def __str__(self) -> str:
-        return f"odometry of {self.robot.robot}"
+        return f"odometry of {self.name}"
+
+    @property
+    def name(self) -> str:
+        return self.shown_as or self.robot.robot
 
     def front_end(self) -> tuple[FrontEndResult, bool]:
         """The result, and whether its odometry was in the cache.
@@ -216,7 +246,7 @@ class _Work:
         run = checkpoints.resumed(lambda: OdometryRun(settings, keyframes, robot.robot, robot.odometry))
         with read_ahead(robot.scans) if self.ahead else nullcontext(robot.scans) as scans:
             left = checkpoints.kept(islice(scans, run.scans, None), run)
-            run.process_all(_reported(left, robot.robot, run.scans, run if self.seen else None))
+            run.process_all(_reported(left, self.name, run.scans, run if self.seen else None))
         result, *further = run.results()
         for other, found in zip(others, further, strict=True):
             self.cache.keep("odometry", _of_odometry(robot, other), found, save=OdometryResult.save)

@@ -19,6 +19,7 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction, held_against_map
+from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
 from wiclosure.pipeline.mutual_check.verdicts import corrected, out_of_time, sentences
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
@@ -69,6 +70,7 @@ def solve(
             *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
             *corrections,
             *sentences(filtered, found.checks, found.by_map, corrects=corrects),
+            *(one.sentence for one in found.rivals),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
@@ -85,6 +87,7 @@ class _Estimate:
     Args:
         attempt: closures, as filter, matching, registration and radio check left them.
         checks: pairs of robots of which radio and closures told differently.
+        rivals: sets of closures that contradict each other, of which the radio told the true one.
         consistent: closures that agree.
         graph: the estimate.
         by_map: measurements that the merged map contradicts.
@@ -92,6 +95,7 @@ class _Estimate:
 
     attempt: Attempt
     checks: Sequence[PairCheck]
+    rivals: Sequence[RivalSets]
     consistent: PcmResult
     graph: GraphResult
     by_map: Mapping[Pair, Contradiction]
@@ -104,12 +108,18 @@ def _estimated(
     attempt, checks = attempts.settled(wireless)
     with took.time("optimisation"):
         consistent = pairwise_consistent(attempt.closures, attempts.keyframes, config.pcm)
+    with took.time("check"):
+        heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
+        rivals = weigh_rivals(consistent, attempts.keyframes, wireless, config) if heard else []
+    with took.time("optimisation"):
+        if rivals:
+            left, told = without_lost(attempt.closures, rivals), {row for one in rivals for row in one.kept}
+            consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
         graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
-        heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
         by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else {}
-    return _Estimate(attempt, checks, consistent, graph, by_map)
+    return _Estimate(attempt, checks, rivals, consistent, graph, by_map)
 
 
 def _held_against_map(

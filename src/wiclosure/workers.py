@@ -95,8 +95,21 @@ _wanted: ContextVar[Callable[[], bool] | None] = ContextVar("wanted", default=No
 
 @contextmanager
 def at_work(*, told: Callable[..., None] | None = None, wanted: Callable[[], bool] | None = None) -> Iterator[None]:
-    """For workers: who listens to the work done inside, and who knows whether anybody waits for it still."""
-    tokens = _told.set(told or _told.get()), _wanted.set(wanted or _wanted.get())
+    """For workers: who listens to the work done inside, and who knows whether anybody waits for it still.
+
+    What the listener tells in turn goes to whoever listens outside.
+    """
+    outside = _told.get()
+
+    def passed_on(*news: object) -> None:
+        token = _told.set(outside)
+        try:
+            if told is not None:
+                told(*news)
+        finally:
+            _told.reset(token)
+
+    tokens = _told.set(passed_on if told else outside), _wanted.set(wanted or _wanted.get())
     try:
         yield
     finally:

@@ -68,6 +68,7 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         calibration=chosen.best.calibration,
         calibration_covariance=None if chosen.best.frames is None else chosen.best.frames.errors.covariance,
         strain=0.0 if chosen.best.frames is None else chosen.best.frames.strain.squared,
+        bent_ns=chosen.bent_ns,
         strain_probability=chosen.best.strain_probability(settings.drift_inflation),
     )
 
@@ -84,6 +85,7 @@ class _Chosen:
         fault: a systematic error that the measurements speak of, or an empty string.
         support: what carries it.
         likely: whether the different ones are the only others that are likely.
+        bent_ns: when odometry slips, if it does.
     """
 
     best: Followed
@@ -93,6 +95,7 @@ class _Chosen:
     fault: str
     support: str
     likely: bool
+    bent_ns: tuple[int, int] | None
 
     @classmethod
     def of(
@@ -115,6 +118,7 @@ class _Chosen:
         extraordinary = best.extraordinary(settings.guard.min_odds)
         found = (extraordinary, sentence or slip, misfit, ambiguous, blunder)
         objections = tuple(objection for objection in found if objection)
+        few = bool(second or selection.alternatives or contested)
         only_blunders = indistinct is not None and objections == (blunder,)
         return cls(
             best,
@@ -123,7 +127,8 @@ class _Chosen:
             objections,
             extraordinary or slip or misfit or blunder,
             selection.reason,
-            likely=bool(only_blunders or second or ((selection.alternatives or contested) and not misfit and not slip)),
+            only_blunders or (few and not (extraordinary or misfit or slip)),
+            second.bent_ns if second is not None and second.slip else best.bent_ns,
         )
 
 

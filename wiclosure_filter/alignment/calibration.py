@@ -15,7 +15,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
@@ -33,7 +33,7 @@ class SystematicErrors:
         observations: as the log has them.
         velocity_b: `(M, 3)` m/s of b, in its odometry axes.
         yaw_rate_b: `(M,)` rad/s of b; 0 where the axes of the angles do not turn with it.
-        prior_sigma: `(7,)`.
+        prior_sigma: `(7,)` of the Gaussians that hold the errors near zero, see `ErrorPrior.held`.
     """
 
     observations: Observations
@@ -42,11 +42,9 @@ class SystematicErrors:
     prior_sigma: FloatArray
 
     @classmethod
-    def of(cls, observations: Observations, odometry: PairOdometry, priors: CalibrationPriors) -> SystematicErrors:
+    def of(cls, observations: Observations, odometry: PairOdometry, prior_sigma: FloatArray) -> SystematicErrors:
         """Of measurements in order of time."""
-        velocity, yaw_rate = motion(odometry.b, observations.index_b)
-        sigma = [priors.range_bias_m, priors.range_scale, priors.clock_s, priors.mounting_rad, priors.mounting_rad]
-        return cls(observations, velocity, yaw_rate, np.array([*sigma, priors.scale, priors.scale]))
+        return cls(observations, *motion(odometry.b, observations.index_b), prior_sigma)
 
     def first_guess(self, explanation: Explanation, distance_m: FloatArray) -> FloatArray:
         """`(7,)` to start from: no error, but for ranges of which most are too long as if obstructed.
@@ -111,17 +109,19 @@ class EstimatedErrors:
     Args:
         value: `(7,)`.
         covariance: `(7, 7)`.
-        prior_sigma: `(7,)`.
+        prior: what was known beforehand.
+        held_sigma: `(7,)` of the Gaussians that stood for the prior.
     """
 
     value: FloatArray
     covariance: FloatArray
-    prior_sigma: FloatArray
+    prior: ErrorPrior
+    held_sigma: FloatArray
 
     @property
     def squared(self) -> float:
-        """Sum of squares, in standard deviations of the prior."""
-        return float(np.sum((self.value / self.prior_sigma) ** 2))
+        """Sum of squares in standard deviations of the prior; a blunder counts as its rarity."""
+        return self.prior.squared(self.value)
 
     def calibrations(self, robot_a: str, robot_b: str) -> tuple[Calibration, ...]:
         """As they are reported; those that the measurements tell nothing of are left out."""
@@ -136,8 +136,8 @@ class EstimatedErrors:
         )
         sigma = np.sqrt(np.diag(self.covariance))
         return tuple(
-            Calibration(name, unit, float(value), float(s), float(prior))
-            for (name, unit), value, s, prior in zip(names, self.value, sigma, self.prior_sigma, strict=True)
+            Calibration(name, unit, *map(float, numbers))
+            for (name, unit), *numbers in zip(names, self.value, sigma, self.prior.usual, self.held_sigma, strict=True)
         )
 
 

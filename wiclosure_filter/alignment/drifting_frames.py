@@ -10,7 +10,7 @@ bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from wiclosure import se3
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
 from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
@@ -89,17 +90,21 @@ def follow_drift(
         calibration: how large systematic errors usually are.
     """
     order = np.argsort(rigid.observations.stamp_ns, kind="stable")
-    constant = SystematicErrors.of(rigid.observations.subset(order), odometry, calibration)
+    known = ErrorPrior.of(calibration)
+    constant = SystematicErrors.of(rigid.observations.subset(order), odometry, known.usual)
     posterior = ChainPosterior(constant, rigid.radio, (drift[0][order], drift[1][order]), prior, odometry)
     yaw = np.full(len(order), state[0])
     w = displacements_in_a(state[None], constant.observations)[1][0]
     at_start = rigid.subset(order).explain(seen_by_receiver(w[None], yaw[None], ~constant.observations.a_receives))
     guess = ChainGuess(yaw, w, constant.first_guess(at_start, np.linalg.norm(w, axis=1)))
     for excuse in _EXCUSES if drift_matters(drift, rigid.observations) else _EXCUSES[-_FEW:]:
-        excused = posterior.excused(excuse)
+        held = constant.prior_sigma
+        excused = replace(posterior.excused(excuse), constant=constant)
         chain = excused.linearised(guess)
         step = chain.system.solved()
         guess = _uphill(excused, guess, (step[0].reshape(-1, 4), step[1]), chain.information)
+        sigma = np.sqrt(np.diag(chain.system.covariance_of_errors()))
+        constant = replace(constant, prior_sigma=known.held(guess.errors, sigma, held))
     corrected, middle, system = constant.corrected(guess.errors), len(order) // 2, chain.system
     seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~corrected.a_receives)
     explanation = Mixture.of(corrected, rigid.radio).explain(seen)
@@ -112,7 +117,7 @@ def follow_drift(
         int(order[middle]),
         at_middle,
         covariance,
-        EstimatedErrors(guess.errors, system.covariance_of_errors(), constant.prior_sigma),
+        EstimatedErrors(guess.errors, system.covariance_of_errors(), known, held),
         corrected.subset(back),
         chain.moved(step[0].reshape(-1, 4), step[1]),
     )

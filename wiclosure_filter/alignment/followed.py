@@ -58,6 +58,11 @@ class Followed:
             return 0.0
         return float(np.sqrt(np.mean(np.sum((self.frames.w - other.frames.w)[:, :2] ** 2, axis=1))))
 
+    @property
+    def bent_ns(self) -> tuple[int, int] | None:
+        """When the measurements bend the odometry most."""
+        return None if self.frames is None else self.frames.strain.bent_ns
+
     def slip(self, min_odds: float) -> str:
         """Why the odometry seems to slip, or an empty string."""
         return "" if self.frames is None else self.frames.strain.slip(min_odds)

@@ -73,6 +73,11 @@ def in_feet(m: WirelessMeasurement) -> WirelessMeasurement:
     return replace(m, range_m=3.28084 * m.range_m)
 
 
+def ten_metres_long(m: WirelessMeasurement) -> WirelessMeasurement:
+    assert m.range_m is not None
+    return replace(m, range_m=m.range_m + 10.0)
+
+
 def late(m: WirelessMeasurement) -> WirelessMeasurement:
     if m.receiver == "alpha":
         return replace(m, transmitter_stamp_ns=m.stamp_ns + 2 * 10**9)
@@ -80,11 +85,13 @@ def late(m: WirelessMeasurement) -> WirelessMeasurement:
 
 
 def test_without_the_check_a_wrong_radio_that_seems_certain_keeps_robots_apart(prepared: Prepared) -> None:
-    refused = run_with(prepared, in_feet, enabled=False)
+    refused = run_with(prepared, ten_metres_long, enabled=False)
     assert [len(c["robots"]) for c in refused.metrics["components"]] == [1, 1]
 
 
-@pytest.mark.parametrize(("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta")])
+@pytest.mark.parametrize(
+    ("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta"), (ten_metres_long, "m too long")]
+)
 def test_closures_that_agree_overrule_a_wrong_radio_which_is_named(
     prepared: Prepared, change: Change, cause: str
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from wiclosure.drift import DriftModel
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT, SystematicErrors
 from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a
 
@@ -19,7 +20,7 @@ def test_the_gradient_is_that_of_the_density(kind: str, make_case: Callable[...,
     """With the steps' information held, as the line search does; a little off the truth, where no gradient is zero."""
     case = make_case(kind, drift=DriftModel())
     observations, rng = case.problem.observations, np.random.default_rng(3)
-    constant = SystematicErrors.of(observations, case.problem.odometry, CalibrationPriors())
+    constant = SystematicErrors.of(observations, case.problem.odometry, ErrorPrior.of(CalibrationPriors()).usual)
     nothing = np.zeros(len(observations)), np.zeros(len(observations))
     posterior = ChainPosterior(constant, case.problem.radio, nothing, case.problem.prior, case.problem.odometry)
     w = displacements_in_a(case.state[None], observations)[1][0] + rng.normal(
