@@ -103,16 +103,39 @@ def closure(
 def random_loops(
     graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int, reach: float = 1.0
 ) -> list[Closure]:
-    """Between any two robots; of any rotation, and as far as true closures reach or further."""
+    """Between any two robots; of any rotation, and as far as true closures reach or further; flat in a flat graph."""
+    return _loops(graph, names, start, rng, count, reach, own=False)
+
+
+def own_loops(
+    graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int
+) -> list[Closure]:
+    """The same within robots."""
+    return _loops(graph, names, start, rng, count, 1.0, own=True)
+
+
+def _loops(
+    graph: Graph,
+    names: Sequence[str],
+    start: IntArray,
+    rng: np.random.Generator,
+    count: int,
+    reach: float,
+    *,
+    own: bool,
+) -> list[Closure]:
     loops = np.flatnonzero(~graph.is_odometry())
     length = float(np.linalg.norm(graph.T[loops, :3, 3], axis=1).mean()) * reach
+    flat = not np.abs(graph.T[:, 2, 3]).any()
     made: list[Closure] = []
     while len(made) < count:
         i, j = rng.integers(0, len(graph.robot), 2)
-        if graph.robot[i] == graph.robot[j]:
+        if (graph.robot[i] == graph.robot[j]) != own or (own and abs(i - j) < 2):
             continue
-        C = graph.covariance[rng.choice(loops)]
-        made.append(closure(names, graph, int(i), int(j), random_pose(rng, length), C, start))
+        C, T = graph.covariance[rng.choice(loops)], random_pose(rng, length)
+        if flat:
+            T = se3.from_yaw(rng.uniform(-np.pi, np.pi), T[:3, 3] * [1.0, 1.0, 0.0])
+        made.append(closure(names, graph, int(i), int(j), T, C, start))
     return made
 
 

@@ -48,8 +48,8 @@ class Claims:
 
     def recombined(self, rows: IntArray, others: IntArray) -> Claims:
         """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
-        of_row = (of[rows] for of in (self.T_a_b, self.covariance, self.wander_a))
-        return Claims(self.T_A_a[rows], self.T_B_b[others], *of_row, self.wander_b[others])
+        measured = self.T_a_b[rows], self.covariance[rows]
+        return Claims(self.T_A_a[rows], self.T_B_b[others], *measured, self.wander_a[rows], self.wander_b[others])
 
     @cached_property
     def frames(self) -> FloatArray:
