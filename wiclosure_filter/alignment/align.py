@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FrameAlignment, Trajectory
-from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess
+from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, support
 from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
@@ -126,7 +126,7 @@ class _Chosen:
             fit,
             objections,
             extraordinary or slip or misfit or blunder,
-            selection.reason,
+            support(best.explanation, best.mixture),
             only_blunders or (few and not (extraordinary or misfit or slip)),
             second.bent_ns if second is not None and second.slip else best.bent_ns,
         )

@@ -95,7 +95,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_an_honest_log_is_not_contradicted(seed: int) -> None:
     assert found(heard(seed)) is None
 
