@@ -221,9 +221,9 @@ def large(arguments: argparse.Namespace) -> None:
             of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
             found = solved(of.odometry, of.closures)
             print(
-                f"large {name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of them"
-                f" false, {kind}: {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components,"
-                f" {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
+                f"large {name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of"
+                f" them false, {kind}: {_shares(_counts(found.kept, of.true))},"
+                f" {len(found.result.components)} components, {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
                 flush=True,
             )
 
