@@ -27,6 +27,7 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 REFINEMENTS = 4  # of the scale of sigma
 SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+MOST = 0.95  # of the loops, which as many sigmas as that leave in
 TORN = "what the estimate leaves of its set would not be accepted"
 
 
@@ -73,7 +74,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
 
 
 def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
-    scale = _scale(robots, settings, everything)
+    scale = _finer(robots, settings, everything, _scale(robots, settings, everything))
     merged = _merged(robots, settings, everything, scale)
     left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
     better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
@@ -84,13 +85,13 @@ def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settl
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
+    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
 
     def under(more: FloatArray) -> VarianceComponents:
-        of = robots.scaled(merged.factors * more)
+        of = robots.scaled(np.clip(merged.factors * more, least, most))  # where all is exact, there is no end
         return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
     more = separate_factors(merged.settled.components, under)
-    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
     return None if (more == 1.0).all() else np.clip(merged.factors * more, least, most)
 
 
@@ -125,6 +126,31 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
     comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
     return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
+
+
+def _finer(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> float:
+    """A smaller factor, where residuals are far apart and the loops that it leaves out are false.
+
+    Where sigma is stated far too large, false loops fit it by accident and strain all else.  They stay out under a
+    larger sigma as well than the other residuals ask for, while of true ones more and more would fit.
+    """
+    limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+
+    def inliers(under: float) -> Settled:
+        return by_own_inliers(robots.scaled(under), everything.scaled(under), limit)
+
+    if not sigma_scale.far_apart(inliers(scale).redundant, robots.degrees):
+        return scale
+    room, least = 0.5 * scale, sigma_scale.least(settings.most_scale)
+    while room > least:
+        settled = inliers(room)
+        kept, fitting = settled.inlier.sum(), sigma_scale.of_residuals(settled.redundant, robots.degrees)
+        if fitting is None or 2 * kept < robots.own.sum():
+            return scale
+        if fitting <= 0.5 and inliers(max(fitting * room, least)).inlier.sum() >= MOST * kept:
+            return sigma_scale.settled(fitting * room, settings.most_scale)
+        room *= 0.5
+    return scale
 
 
 def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:

@@ -58,9 +58,14 @@ class EdgeTable:
         return replace(self, first=number[self.first], second=number[self.second])
 
     def matrix_kinds(self) -> IntArray:
-        """A number `(E,)` for each different matrix that edges state."""
-        stated = self.covariance.reshape(-1, 36).round(12)
-        return np.asarray(np.unique(stated, axis=0, return_inverse=True)[1], np.int64)
+        """A number `(E,)` for each different matrix that edges state.
+
+        An edge from a later to an earlier pose may state what the others state, seen from its other end.
+        """
+        both = np.concatenate([self.covariance, se3.inverse_covariance(self.T, self.covariance)])
+        stated, turned = np.unique(_leading_digits(both), axis=0, return_inverse=True)[1].reshape(2, -1)
+        backward = (self.first > self.second) & np.isin(turned, stated[self.first < self.second])
+        return np.asarray(np.where(backward, turned, stated), np.int64)
 
     def is_step(self) -> BoolArray:
         """Which edges join consecutive poses and are not said to be loops."""
@@ -70,6 +75,13 @@ class EdgeTable:
         """An order of the rows that does not depend on the one in the files."""
         numbers = np.round(self.T[:, :3, 3].T, 9)
         return np.lexsort((*numbers, self.second, self.first))
+
+
+def _leading_digits(covariance: FloatArray) -> FloatArray:
+    """`(E, 36)`, five digits of what is largest in each, which six written ones leave of an inverse."""
+    largest = np.abs(covariance).max(axis=(1, 2), initial=0.0)
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(largest, 1e-300))) - 4)
+    return np.asarray(((covariance / unit[:, None, None]).round() * unit[:, None, None]).round(15).reshape(-1, 36))
 
 
 def edge_table(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -34,9 +34,11 @@ OWN_RANGE = re.compile(r"# keyframes of (.+): vertices (\d+) to (\d+)")
 OWN_KEYS = re.compile(r"# keys of (.+): ([\d -]+)")
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 MOST_KEYS = 10**7  # of one span in a comment; more is a mistake
-NO_POSES = ("FIX", "PARAMS")
+NO_POSES = ("FIX", "PARAMS", "VERTEX_SWITCH", "EDGE_SWITCH_PRIOR")
 Rows: TypeAlias = list[tuple[int, list[str]]]
 """Line number, and the words after the tag."""
+Triangle: TypeAlias = tuple[tuple[int, int], ...]
+"""Row and column of each number of an upper triangle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,39 +50,41 @@ class Layout:
         numbers: how many a pose has.
         poses: turns rows of them into transforms, and says what is wrong with each row.
         upper: rows and columns of the information matrix in the order of the file; empty for a vertex.
+        switch: whether the number of a switch, or a weight, stands before the pose: the edge may be false.
     """
 
     keys: int
     numbers: int
     poses: Callable[[FloatArray], tuple[FloatArray, list[str]]]
-    upper: tuple[tuple[int, int], ...] = ()
-
-    def information(self, values: FloatArray) -> FloatArray:
-        """`(N, 6, 6)`, rotation first, of what the file states `(N, len(upper))`."""
-        size = 3 if len(self.upper) == 6 else 6
-        matrices = np.zeros((len(values), size, size))
-        for column, (i, j) in enumerate(self.upper):
-            matrices[:, i, j] = matrices[:, j, i] = values[:, column]
-        if size == 3:
-            return lifted_information(matrices)
-        return np.asarray(matrices[:, ROTATION_FIRST][:, :, ROTATION_FIRST])
+    upper: Triangle = ()
+    switch: bool = False
 
 
 ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])  # the files have translation first
 _SIX = tuple((i, j) for i in range(6) for j in range(i, 6))
 _THREE = tuple((i, j) for i in range(3) for j in range(i, 3))
 _TORO = ((0, 0), (0, 1), (1, 1), (2, 2), (0, 2), (1, 2))
+_OTHER_ORDER = {_THREE: _TORO, _TORO: _THREE}
+_PLANAR_EDGE, _TORO_EDGE = Layout(2, 3, from_planar, _THREE), Layout(2, 3, from_planar, _TORO)
+_SPATIAL_EDGE = Layout(2, 7, from_quaternions, _SIX)
 LINE_LAYOUTS = {
     "VERTEX_SE3:QUAT": Layout(1, 7, from_quaternions),
-    "EDGE_SE3:QUAT": Layout(2, 7, from_quaternions, _SIX),
+    "EDGE_SE3:QUAT": _SPATIAL_EDGE,
+    "EDGE_SE3_SWITCHABLE": replace(_SPATIAL_EDGE, switch=True),
+    "EDGE_SE3_MAXMIX": replace(_SPATIAL_EDGE, switch=True),
     "VERTEX_SE3:EULER": Layout(1, 6, from_euler),
     "EDGE_SE3:EULER": Layout(2, 6, from_euler, _SIX),
     "VERTEX3": Layout(1, 6, from_euler),
     "EDGE3": Layout(2, 6, from_euler, _SIX),
     "VERTEX_SE2": Layout(1, 3, from_planar),
-    "EDGE_SE2": Layout(2, 3, from_planar, _THREE),
+    "EDGE_SE2": _PLANAR_EDGE,
+    "EDGE_SE2_SWITCHABLE": replace(_PLANAR_EDGE, switch=True),
+    "EDGE_SE2_MAXMIX": replace(_PLANAR_EDGE, switch=True),
+    "ODOMETRY": _PLANAR_EDGE,
+    "VERTEX": Layout(1, 3, from_planar),
+    "EDGE": _TORO_EDGE,
     "VERTEX2": Layout(1, 3, from_planar),
-    "EDGE2": Layout(2, 3, from_planar, _TORO),
+    "EDGE2": _TORO_EDGE,
 }
 PLANAR_TAGS = {tag for tag, layout in LINE_LAYOUTS.items() if layout.numbers == 3}
 
@@ -147,17 +151,49 @@ def _vertices(path: Path, tag: str, rows: Rows) -> list[Vertex]:
 
 def _edges(path: Path, tag: str, rows: Rows, remarks: Remarks) -> Iterator[Edge]:
     layout = LINE_LAYOUTS[tag]
+    if layout.switch:
+        rows = [(number, [*words[: layout.keys], *words[layout.keys + 1 :]]) for number, words in rows]
     keys, numbers = _fields(path, tag, rows, (layout.numbers, layout.numbers + len(layout.upper)))
     poses, defects = layout.poses(numbers[:, : layout.numbers])
     stated = np.array([len(words) > 2 + layout.numbers for _, words in rows])
-    information = layout.information(np.where(stated[:, None], numbers[:, layout.numbers :], 0.0))
+    values = np.where(stated[:, None], numbers[:, layout.numbers :], 0.0)
+    information = _information(values, layout.upper, f"{path}, line {rows[0][0]}: {tag}", remarks)
     if layout.numbers == 7:
         usable = np.array([not defect for defect in defects])
         _tell_lengths(path, rows, np.linalg.norm(np.where(usable[:, None], numbers[:, 3:7], 0.5), axis=1), remarks)
     for n, (number, _) in enumerate(rows):
         place, matrix = f"{path}, line {number}", information[n] if stated[n] else None
         first, second = keys[n]
-        yield Edge(first, second, place, poses[n], matrix, defects[n])
+        yield Edge(first, second, place, poses[n], matrix, defects[n], may_be_false=layout.switch or None)
+
+
+def _information(values: FloatArray, upper: Triangle, place: str, remarks: Remarks) -> FloatArray:
+    """`(N, 6, 6)`, rotation first, of what the file states `(N, len(upper))`.
+
+    Converters mix up the two orders of planar matrices.  What is positive in the right one is not in the other, so the
+    order that leaves by far fewer indefinite ones is the right one.
+    """
+    if upper not in _OTHER_ORDER:
+        return _symmetric(values, upper)[:, ROTATION_FIRST][:, :, ROTATION_FIRST]
+    stated, swapped = _symmetric(values, upper), _symmetric(values, _OTHER_ORDER[upper])
+    if 2 * _n_indefinite(swapped) >= _n_indefinite(stated):
+        return lifted_information(stated)
+    remarks.add(place, f"{place}: its matrices have the order of {'Toro' if upper == _THREE else 'g2o'}; read so")
+    return lifted_information(swapped)
+
+
+def _symmetric(values: FloatArray, upper: Triangle) -> FloatArray:
+    size = 1 + max(map(max, upper))
+    matrices = np.zeros((len(values), size, size))
+    for column, (i, j) in enumerate(upper):
+        matrices[:, i, j] = matrices[:, j, i] = values[:, column]
+    return matrices
+
+
+def _n_indefinite(matrices: FloatArray) -> int:
+    finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    eigenvalues = np.linalg.eigvalsh(matrices[finite])
+    return int((eigenvalues[:, 0] < -1e-9 * np.maximum(eigenvalues[:, -1], 1.0)).sum())
 
 
 def _tell_lengths(path: Path, rows: Rows, length: FloatArray, remarks: Remarks) -> None:

@@ -151,7 +151,7 @@ def _accepted(result: GraphResult, numbers: Mapping[str, np.ndarray], form: Form
     ]
     if not edges:
         return
-    information = np.stack([_information(f) for f in edges]) / result.sigma_scale**2
+    information = np.stack([_information(f) for f in edges])
     measured = np.stack([f.measured().matrix() for f in edges])
     for factor, edge in zip(edges, form.edges(measured, information), strict=True):
         first, second = factor.keys()

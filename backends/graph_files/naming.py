@@ -38,8 +38,9 @@ class Naming:
     A key with a character in its first byte is one of GTSAM's symbols, and the character is the robot.  With something
     in its second byte too it is a labelled symbol, and the label is the robot (with the character before it, if there
     are several characters).  All other keys are plain numbers.  If no two files have a vertex in common, numbers name
-    poses over all files, and a robot is called after the file that has its vertices; else each file has its own.
-    The same goes for a symbol's character where two files state different measurements between the same poses.
+    poses over all files, and a robot is called after the file that has its vertices (without vertices, the file with
+    most of its edges); else each file has its own.  The same goes for a symbol's character, and for the numbers of
+    files of edges alone, where two files state different measurements between the same poses.
 
     Args:
         files: all files of the team.
@@ -52,9 +53,7 @@ class Naming:
         keys = [_keys(file) for file in files]
         symbols = {_symbol(key)[:2] for of_file in keys for key in of_file}
         self._characters = {character for character, label in symbols if label}
-        self._owner: dict[int, FileRecords] = {}
-        for file in reversed(files):
-            self._owner |= {vertex.key: file for vertex in file.vertices}
+        self._owner = _owners(files)
         self._own = {""} if _plain_overlap(files) else set()
         self._own |= _contradicting_characters(files)
         self._files = _file_names(files, {word for symbol in symbols for word in symbol})
@@ -100,6 +99,22 @@ def _keys(file: FileRecords) -> set[int]:
     return {v.key for v in file.vertices} | {key for edge in file.edges for key in (edge.first, edge.second)}
 
 
+def _owners(files: Sequence[FileRecords]) -> dict[int, FileRecords]:
+    """The first file that has a vertex of each key; of files of edges alone, the one that says most of the pose.
+
+    An edge to the next number says more than any number of others: those join robots.
+    """
+    if any(file.vertices for file in files):
+        return {vertex.key: file for file in reversed(files) for vertex in file.vertices}
+    said: dict[int, Counter[int]] = {}
+    for n, file in enumerate(files):
+        for edge in file.edges:
+            weight = len(file.edges) if abs(edge.first - edge.second) == 1 else 1
+            for key in (edge.first, edge.second):
+                said.setdefault(key, Counter())[n] += weight
+    return {key: files[of_key.most_common(1)[0][0]] for key, of_key in said.items()}
+
+
 def _plain_overlap(files: Sequence[FileRecords]) -> bool:
     plain = ({v.key for v in file.vertices if not _symbol(v.key)[0] and not _explained(file, v.key)} for file in files)
     count = Counter(key for keys in plain for key in keys)
@@ -112,6 +127,7 @@ def _explained(file: FileRecords, key: int) -> bool:
 
 def _contradicting_characters(files: Sequence[FileRecords]) -> set[str]:
     """Characters that two files use for different robots: between the same poses no measurement is alike."""
+    edges_alone = not any(file.vertices for file in files)  # of plain numbers, vertices tell more surely
     stated: dict[tuple[int, int], list[tuple[int, FloatArray]]] = {}
     for n, file in enumerate(files):
         for edge in file.edges:
@@ -121,7 +137,7 @@ def _contradicting_characters(files: Sequence[FileRecords]) -> set[str]:
     for (first, _), measured in stated.items():
         (n, T), (character, label, _) = measured[0], _symbol(first)
         others = [other for m, other in measured[1:] if m != n]
-        if character and not label and others:
+        if (character or edges_alone) and not label and others:
             same = any(np.allclose(T, other, rtol=0, atol=SAME) for other in others)
             alike[character] = alike.get(character, False) or same
     return {character for character, same in alike.items() if not same}

@@ -82,7 +82,9 @@ def _from_matrices(size: int, edges: EdgeTable) -> IntArray | None:
         return None
     loops = kind[~edges.is_step() & ~usual]
     of_loops = kind == (np.argmax(np.bincount(loops)) if len(loops) else -1)
-    step = edges.is_step() & (edges.chi_square < CONTRADICTING_CHI_SQUARE) & ~of_loops
+    agreeing = edges.chi_square < CONTRADICTING_CHI_SQUARE
+    telling = agreeing[usual].mean() >= NEARLY_ALL  # guesses that contradict odometry itself tell nothing
+    step = edges.is_step() & (agreeing if telling else True) & ~of_loops
     odometry = edges[usual | step]
     return _components(size, odometry.first, odometry.second)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from wiclosure.backends.graph_files.settings import GraphFileSettings
 from wiclosure.errors import InputError
 from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Trajectory
 
+WRITTEN = 1e-4  # what six digits leave of a measurement and its inverse: closer ones are one, stated twice
 LOCAL_M = 1e4  # coordinates beyond are a map's (UTM): covariances about an origin so far away lose their digits
 
 
@@ -167,16 +168,11 @@ def _trajectory(part: Part, T_world_first: FloatArray) -> Trajectory:
 
 
 def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], list[Edge], list[UnusableEdge]]:
-    """Each edge that is no odometry once: many writers put those between robots into both robots' files."""
+    """Each edge that is no odometry once."""
     position = {int(n): KeyframeId(part.robot, place) for part in found for place, n in enumerate(part.poses)}
-    odometry = {row for part in found for row in part.rows.tolist()}
-    seen = {_identity(graph, row) for row in odometry}
     closures, edges, unusable = [], [], []
-    for row, edge in enumerate(graph.edges):
-        identity = _identity(graph, row)
-        if row in odometry or identity in seen:
-            continue
-        seen.add(identity)
+    for row in _new_measurements(graph, [row for part in found for row in part.rows.tolist()]):
+        edge = graph.edges[row]
         first, second = graph.ends[row]
         missing = [end for end, n in zip((first, second), graph.numbers[row], strict=True) if n < 0]
         loop = "joins a pose to itself" if first == second else ""
@@ -191,8 +187,25 @@ def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], 
     return closures, edges, unusable
 
 
-def _identity(graph: NamedGraph, row: int) -> tuple[object, ...]:
-    edge = graph.edges[row]
-    place = edge.place if edge.defect else ""  # what cannot be used has no numbers to compare
-    information = b"" if edge.information is None else edge.information.tobytes()
-    return (*graph.ends[row], edge.T_first_second.tobytes(), information, place)
+def _new_measurements(graph: NamedGraph, odometry: Sequence[int]) -> Iterator[int]:
+    """Rows of edges that neither odometry nor an edge before states.
+
+    Many writers put edges between robots into both robots' files, each from its own pose to the other's.
+    """
+    known: defaultdict[frozenset[Pose], list[int]] = defaultdict(list)
+    others = np.setdiff1d(np.arange(len(graph.edges)), odometry)
+    for n, row in enumerate([*odometry, *others.tolist()]):
+        between = known[frozenset(graph.ends[row])]
+        if not any(_same_measurement(graph, row, other) for other in between):
+            between.append(row)
+            if n >= len(odometry):
+                yield row
+
+
+def _same_measurement(graph: NamedGraph, row: int, other: int) -> bool:
+    """Whether two edges between the same poses say the same, one of them perhaps the other way round."""
+    turned = graph.ends[row] != graph.ends[other]
+    T_row, T_other = graph.edges[row].T_first_second, graph.edges[other].T_first_second
+    if not np.allclose(se3.inverse(T_row) if turned else T_row, T_other, rtol=0, atol=WRITTEN):
+        return False
+    return turned or np.allclose(graph.stated.matrices[row], graph.stated.matrices[other], rtol=WRITTEN, atol=0)

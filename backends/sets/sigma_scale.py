@@ -18,6 +18,7 @@ from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
 from wiclosure.types import FloatArray
 
 QUANTILES = np.array([0.5, 0.75, 0.9, 0.95])  # of residuals, the most demanding of which counts: tails may be heavy
+FAR_APART = 3.0  # times; those of one distribution, 20 of them, stay within it in 99 of 100 cases
 ENOUGH = 20  # residuals from which a scale is taken
 NO_MATTER = 1.5  # factors nearer to 1 change no decision that the data could settle
 STEP = np.sqrt(2.0)
@@ -30,6 +31,13 @@ def of_residuals(distances: FloatArray, degrees: int = 6) -> float | None:
     if len(distances) < ENOUGH:
         return None
     return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, degrees))))
+
+
+def far_apart(distances: FloatArray, degrees: int) -> bool:
+    """Whether the smallest ask for a much smaller factor than the largest, as where some are of false loops."""
+    of_largest = of_residuals(distances, degrees)
+    of_smallest = np.sqrt(np.quantile(distances, 0.1) / chi2.ppf(0.1, degrees)) if len(distances) else 0.0
+    return of_largest is not None and of_largest > FAR_APART * of_smallest
 
 
 def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float) -> float:

@@ -120,7 +120,7 @@ class Contradiction:
 
 def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettings) -> Contradiction | Fit:
     """How the map speaks for or against the log of the two robots."""
-    tried = readings_of_log(*pair.pair, log, pair.alignment.calibration)
+    tried = readings_of_log(*pair.pair, log, pair.alignment.calibration, pair.apart(log))
     widened = [False, *(reading.widens for reading in tried for _ in reading.corrections)]
     others = [c.apply((pair.merged, log))[1] for reading in tried for c in reading.corrections]
     as_read, *found = pair.log_evidences([log, *others], widened).tolist()
@@ -128,7 +128,7 @@ def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettin
     usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, each, strict=True) if r.sigmas]
     honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
     known = np.log(settings.systematic_error / len(tried))
-    wrong = [float(known + logsumexp(of) - np.log(len(of))) for of in each]
+    wrong = [float(known + logsumexp(of) - r.log_sizes) for r, of in zip(tried, each, strict=True)]
     log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
     if log_odds < np.log(settings.decisive_odds):
         return Fit.GOOD if log_odds < 0 and as_read > _FITS else Fit.OPEN

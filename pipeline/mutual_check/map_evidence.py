@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wiclosure.pipeline.mutual_check.readings import Apart
 from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
@@ -48,10 +49,17 @@ class MergedPair:
             found[same] = self._of_same_headings([logs[n] for n in same], np.array([widened[n] for n in same]))
         return found
 
+    def apart(self, log: WirelessLog) -> Apart:
+        """How far apart the antennas were, as measured and in the map."""
+        return Apart.of(self._links(log), np.eye(4))
+
+    def _links(self, log: WirelessLog) -> Links:
+        return TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+
     def _of_same_headings(self, logs: Sequence[WirelessLog], widened: BoolArray) -> FloatArray:
         """The same, all at once: as one log whose parts have nothing to do with each other."""
         together = WirelessLog(tuple(m for log in logs for m in log.measurements), logs[0].headings)
-        links: Links = TeamLinks.of(self.merged, together, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+        links = self._links(together)
         if len(links) == 0:
             return np.zeros(len(logs))
         starts = np.cumsum([0, *(len(log.measurements) for log in logs)])

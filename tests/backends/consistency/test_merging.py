@@ -138,3 +138,20 @@ def test_false_loops_within_robots_are_told_from_sigmas_stated_too_small(stated,
     assert result.scale == pytest.approx(1.0 / stated, rel=0.3)
     assert live(result)[:100].mean() > 0.97
     assert not live(result)[100:].any()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_false_loops_within_robots_do_not_fit_under_a_metre_and_a_radian(team_maker, seed):
+    """Edges that state nothing: false loops are as far off as such sigmas allow, and strain all else."""
+    team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+    closures, false = between(team, "alpha", "beta", rng.integers(0, 60, (12, 2)), rng), []
+    for robot in team.odometry:
+        ends = np.stack([rng.integers(0, 25, 12), rng.integers(30, 60, 12)], axis=1).tolist()
+        closures += [team.closure((robot, i), (robot, j), noise=rng) for i, j in ends[:8]]
+        false += [team.false_closure((robot, i), (robot, j), rng) for i, j in ends[8:]]
+    unknown = [team.remeasured(c, covariance=np.eye(6)) for c in closures + false]
+    steps = np.tile(np.eye(6), (59, 1, 1))
+    odometry = {name: replace(t, step_covariances=steps) for name, t in team.odometry.items()}
+    kept = live(pairwise_consistent(unknown, odometry, PcmSettings(noise=EXACT, max_scale=10.0)))
+    assert kept[: len(closures)].mean() >= 0.9
+    assert not kept[len(closures) :].any()

@@ -79,3 +79,13 @@ def test_no_edges():
     assert len(found) == 0
     assert found.exact.tolist() == []
     assert found.matrix_kinds().tolist() == pytest.approx([])
+
+
+def test_a_matrix_seen_from_the_other_end_is_of_the_same_kind():
+    T = poses(3, 4)
+    stated = np.tile(COVARIANCE, (4, 1, 1))
+    stated[2] = se3.inverse_covariance(se3.inverse(T[2]), COVARIANCE)  # of a backward edge
+    stated[3] = 2.0 * COVARIANCE
+    found = edge_table(np.array([[0, 1], [1, 2], [3, 2], [2, 3]]), T, stated, np.zeros(4, bool), poses(2, 4))
+    kinds = found.matrix_kinds()
+    assert kinds[0] == kinds[1] == kinds[2] != kinds[3]

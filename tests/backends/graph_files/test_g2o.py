@@ -169,5 +169,61 @@ def test_any_lines_are_read_or_refused(tmp_path_factory, text):
 def test_recorded_graphs_are_read_whole(data_dir):
     team = read_graphs(sorted((data_dir / "pose_graphs/argos_spoiled/example_4robots").glob("*.g2o")))
     assert {robot: len(t) for robot, t in team.odometry.items()} == dict.fromkeys("abcd", 275)
-    assert len(team.closures) == 45
+    assert len(team.closures) == 44  # one stands in two files, in opposite directions
     np.testing.assert_allclose(se3.inverse(team.odometry["a"].poses[0]) @ team.odometry["a"].poses[0], np.eye(4))
+
+
+PLANE = ["VERTEX_SE2 0 0 0 0", "VERTEX_SE2 1 1 0 0", "VERTEX_SE2 2 2 0 0.5"]
+
+
+@pytest.mark.parametrize(
+    ("tag", "swapped"), [("EDGE_SE2", False), ("EDGE2", True), ("EDGE_SE2", True), ("EDGE2", False)]
+)
+def test_the_order_of_planar_matrices_is_the_one_in_which_they_are_positive(read, tag, swapped):
+    toro = (tag == "EDGE2") != swapped
+    information = "4 0 25 100 1 0" if toro else "4 0 1 25 0 100"
+    edges = [f"{tag} 0 1 1 0 0 {information}", f"{tag} 1 2 1 0 0.5 {information}", f"{tag} 0 2 2 0 0.5 {information}"]
+    team = read([*PLANE, *edges])
+    stated = np.linalg.inv(team.closures[0].measured.covariance[np.ix_([3, 4, 2], [3, 4, 2])])
+    np.testing.assert_allclose(stated, [[4, 0, 1], [0, 25, 0], [1, 0, 100]], atol=1e-9)
+    assert any("order of" in sentence for sentence in team.warnings) == swapped
+
+
+@pytest.mark.parametrize("tag", ["EDGE_SE2_SWITCHABLE", "EDGE_SE2_MAXMIX"])
+def test_loops_with_a_switch_or_a_weight_are_read_and_may_be_false(read, tag):
+    steps = [f"EDGE_SE2 {n} {n + 1} 1 0 0 4 0 0 4 0 9" for n in (0, 1)]
+    team = read(
+        [*PLANE, *steps, "VERTEX_SWITCH 900 1", "EDGE_SWITCH_PRIOR 900 1 1", f"{tag} 0 2 900 2 0 0.5 4 0 0 4 0 9"]
+    )
+    np.testing.assert_allclose(team.closures[0].measured.T_query_match, se3.from_yaw(0.5, np.array([2.0, 0.0, 0.0])))
+    assert team.edges[0].may_be_false
+    assert team.warnings == ()
+    assert team.ignored == {"VERTEX_SWITCH": 1, "EDGE_SWITCH_PRIOR": 1}
+
+
+def test_spatial_loops_with_a_switch(read):
+    team = read([*CHAIN_A, f"EDGE_SE3_SWITCHABLE {A} {A + 2} 7 2 0 0 0 0 0 1 {UNIT}"])
+    np.testing.assert_allclose(team.closures[0].measured.T_query_match[:3, 3], [2, 0, 0])
+
+
+def test_the_older_names_of_planar_lines(read):
+    vertices = [line.replace("_SE2", "") for line in PLANE]
+    team = read(
+        [
+            *vertices,
+            "ODOMETRY 0 1 1 0 0 4 0 0 4 0 9",
+            "ODOMETRY 1 2 1 0 0.5 4 0 0 4 0 9",
+            "EDGE 0 2 2 0 0.5 4 0 4 9 0 0",
+        ]
+    )
+    assert team.planar
+    assert [len(t) for t in team.odometry.values()] == [3]
+    assert len(team.closures) == 1
+
+
+def test_a_measurement_and_its_inverse_are_one(read):
+    there, back = "3 1 0 0 0 0.6 0.8", "-0.12 -3.16 0 0 0 -0.6 0.8"
+    others = [*CHAIN_A, *CHAIN_B, edge(A, B + 5, there)]
+    assert len(read([*others, edge(B + 5, A, back)]).closures) == 2  # not the inverse
+    T = se3.inverse(read(others).closures[0].measured.T_query_match)
+    assert len(read([*others, edge(B + 5, A, f"{T[0, 3]:.6f} {T[1, 3]:.6f} 0 0 0 -0.6 0.8")]).closures) == 1

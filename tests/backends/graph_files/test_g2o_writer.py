@@ -7,7 +7,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise, PoseGraphSettings
 from wiclosure.backends.estimate.pose_graph import optimise
-from wiclosure.backends.graph_files.g2o_writer import write_g2o
+from wiclosure.backends.graph_files.g2o_writer import PLANAR, SPATIAL, write_g2o
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.errors import OutputError
 
@@ -68,6 +68,35 @@ def test_g2o_numbers_fit_32_bits_and_say_whose_they_are(team_maker, tmp_path):
     assert [int(w[1]) for w in words if w[0] == "VERTEX_SE3:QUAT"] == [0, 1, 2, 3, 4, 5]
     assert [(int(w[1]), int(w[2])) for w in words if w[0] == "EDGE_SE3:QUAT"] == [(0, 1), (1, 2), (3, 4), (4, 5)]
     assert [w for w in words if w[0] == "FIX"] == [["FIX", "0"], ["FIX", "3"]], "one of each group that hangs together"
+
+
+@pytest.mark.parametrize("form", ["symbols", "labelled", "interleaved", "toro3", "planar", "toro2", "robot log"])
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_keys_measurements_and_matrices_are_written_as_they_were_read(forms, tmp_path, form, scale):
+    _, paths = forms.written(form, 11, tmp_path, robots=3)
+    team = read_graphs(paths)
+    result = optimise(team.odometry, team.closures, PoseGraphSettings(noise=TIGHT, sigma_scale=scale))
+    write_g2o(result, tmp_path / "out.g2o", team.keys, PLANAR if team.planar else SPATIAL, team.unnamed)
+    again = read_graphs([tmp_path / "out.g2o"])
+    assert {name: keys.tolist() for name, keys in again.keys.items()} == {
+        name: keys.tolist() for name, keys in team.keys.items()
+    }
+    for name, odometry in team.odometry.items():
+        n = np.arange(len(odometry) - 1)
+        found = again.odometry[name]
+        np.testing.assert_allclose(found.relative_pose(n, n + 1), odometry.relative_pose(n, n + 1), atol=1e-9)
+        np.testing.assert_allclose(found.step_covariances, odometry.step_covariances, rtol=1e-6, atol=1e-12)
+    axes = np.array([2, 3, 4] if team.planar else range(6))
+    closures = {frozenset((c.query, c.match)): c for c in team.closures}
+    for closure in again.closures:
+        read = closures[frozenset((closure.query, closure.match))]
+        T, covariance = read.measured.T_query_match, read.measured.covariance
+        if read.query != closure.query:  # the same from the other end
+            T, covariance = se3.inverse(T), se3.inverse_covariance(T, covariance)
+        np.testing.assert_allclose(closure.measured.T_query_match, T, atol=1e-9)
+        found_covariance = closure.measured.covariance[np.ix_(axes, axes)]
+        np.testing.assert_allclose(found_covariance, covariance[np.ix_(axes, axes)], rtol=1e-6, atol=1e-12)
+    assert len(again.closures) == len(result.accepted)
 
 
 def test_g2o_into_a_missing_folder_says_where(team_maker, tmp_path):

@@ -75,3 +75,25 @@ def test_plain_numbers_are_told_from_a_symbol_that_is_called_like_the_file(chain
 )
 def test_poses_are_named_as_users_know_them(robot, name):
     assert pose_name(robot, 7) == name
+
+
+def test_files_of_edges_alone_share_their_numbers_where_they_do_not_contradict_each_other(forms, tmp_path):
+    team = forms.random_team(5, 2, size=8)
+    north, south = forms.lines(team, lambda r, n: 100 * r + n)
+    edges = {
+        name: [line for line in lines if not line.startswith("VERTEX")]
+        for name, lines in (("north", north), ("south", south))
+    }
+    edges["south"] += [line for line in edges["north"] if abs(int(line.split()[1]) - int(line.split()[2])) > 50]
+    found = read(tmp_path, **edges)
+    assert {robot: keys.tolist() for robot, keys in found.keys.items()} == {
+        "north": list(range(8)),
+        "south": list(range(100, 108)),
+    }
+    assert len(found.closures) == len(team.loops)
+
+
+def test_files_of_edges_alone_have_their_own_numbers_where_they_contradict_each_other(chain, tmp_path):
+    edges = [[line for line in chain(int, step_m=step) if line.startswith("EDGE")] for step in (1.0, 2.0)]
+    found = read(tmp_path, north=edges[0], south=edges[1])
+    assert {robot: len(t) for robot, t in found.odometry.items()} == {"north": 4, "south": 4}

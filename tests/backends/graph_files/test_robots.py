@@ -111,3 +111,13 @@ def test_named_poses_are_one_robot_where_any_edges_join_them():
     assert same(connected(8, team.table()), team.labels)
     team.ends = np.concatenate([team.ends[:-1], [[0, 7]]])
     assert connected(8, team.table()).tolist() == [0, 0, 0, 0, 1, 1, 1, 0]
+
+
+def test_guesses_that_contradict_odometry_itself_tell_nothing():
+    """One step in ten was written from the other end and states another matrix; the guesses are all zero."""
+    team = Numbered(6, [30, 40], n_loops=8)
+    zeros = np.tile(np.eye(4), (team.size, 1, 1))
+    covariance = team.covariance.copy()
+    covariance[np.flatnonzero(np.abs(np.diff(team.ends, axis=1)[:, 0]) == 1)[::10]] = 3.0 * STEP
+    table = edge_table(team.ends, team.T, covariance, np.zeros(len(team.ends), bool), zeros)
+    assert same(by_own_edges(team.size, table), team.labels)

@@ -43,6 +43,15 @@ def test_too_few_residuals_tell_nothing():
     assert sigma_scale.of_residuals(enough[1:]) is None
 
 
+@pytest.mark.parametrize("degrees", [3, 6])
+def test_residuals_of_one_distribution_are_not_far_apart_and_those_of_two_are(degrees):
+    rng = np.random.default_rng(2)
+    alike = [rng.chisquare(degrees, 30) for _ in range(300)]
+    assert not any(sigma_scale.far_apart(of, degrees) for of in alike)
+    assert all(sigma_scale.far_apart(np.append(of, 100 * of[:10]), degrees) for of in alike)
+    assert not sigma_scale.far_apart(np.zeros(0), degrees)
+
+
 @pytest.mark.parametrize("factor", [1.0, 4.0])
 def test_sets_between_robots_tell_the_factor(factor):
     assert sigma_scale.of_sets([comparison(2, factor)], LIMIT, MOST) == pytest.approx(factor, rel=0.35)
