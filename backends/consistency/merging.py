@@ -172,7 +172,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         inlier = settled.inlier.copy()
         inlier[np.concatenate([c.rows for c in joining])] = True
         after = _settled(robots, new_group, inlier, poses, limit)
-        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings.min_size)]
+        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings)]
         if connect(standing, group, new_group):
             group, settled = new_group, after
         else:
