@@ -411,8 +411,7 @@ def _joinable(of: CutTeam, *, checkable: bool = False) -> int:
     count = Counter(frozenset((c.query.robot, c.match.robot)) for c in true)
     joined.add_edges_from((a, b) for a, b in combinations(of.odometry, 2) if count[frozenset((a, b))])
     if checkable:
-        single = [(a, b) for a, b in nx.bridges(joined) if count[frozenset((a, b))] == 1]
-        joined.remove_edges_from(single)
+        joined.remove_edges_from([ends for ends in nx.bridges(joined) if count[frozenset(ends)] == 1])  # type: ignore[misc]
     return nx.number_connected_components(joined)
 
 
