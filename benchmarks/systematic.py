@@ -22,7 +22,7 @@ from systematic_telling import tellable
 from systematic_worlds import WORLDS, World, drifted, listen, wrap
 
 from wiclosure import se3
-from wiclosure.types import FilterResult, FloatArray, FrameAlignment
+from wiclosure.types import CandidatePairs, FilterResult, FloatArray, FrameAlignment, PredictionKind
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 
 NEAR_M, WRONG_M, WRONG_RAD = 35.0, 4.0, np.radians(25.0)
@@ -74,10 +74,13 @@ def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score, 
     score.listed += any(word in sentence for word in fault.words for sentence in result.diagnosis)
     for alignment in result.alignments:
         score.pairs += 1
-        lost = _lost(case, result, alignment) > 0.05
+        (kept,) = [
+            kept for kept in result.pairs if (kept.robot_a, kept.robot_b) == (alignment.robot_a, alignment.robot_b)
+        ]
+        lost = _lost(case, kept) > 0.05
         score.lost += lost
         if alignment.ambiguous or alignment.best is None or alignment.covariance is None:
-            score.pruned += bool(alignment.likely_alternatives)
+            score.pruned += kept.predicts is PredictionKind.POSE
             continue
         score.certain += 1
         off_m, off_rad, chi2 = _off(case, alignment, alignment.best.T_a_b, alignment.covariance)
@@ -85,12 +88,11 @@ def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score, 
         score.wrong += bool(off and (chi2 > 9.0 or lost))
 
 
-def _lost(case: Case, result: FilterResult, alignment: FrameAlignment) -> float:
+def _lost(case: Case, kept: CandidatePairs) -> float:
     """Share of near pairs of keyframes that were not kept."""
-    a, b = alignment.robot_a, alignment.robot_b
-    near = np.linalg.norm(case.truth[a].positions[:, None] - case.truth[b].positions[None], axis=2) <= NEAR_M
-    (pairs,) = [kept for kept in result.pairs if (kept.robot_a, kept.robot_b) == (a, b)]
-    return 1.0 - float(near[pairs.index_a, pairs.index_b].sum()) / max(float(near.sum()), 1.0)
+    a, b = case.truth[kept.robot_a].positions, case.truth[kept.robot_b].positions
+    near = np.linalg.norm(a[:, None] - b[None], axis=2) <= NEAR_M
+    return 1.0 - float(near[kept.index_a, kept.index_b].sum()) / max(float(near.sum()), 1.0)
 
 
 def _off(

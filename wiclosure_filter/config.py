@@ -75,6 +75,10 @@ class AmbiguitySettings(Settings):
 class CalibrationPriors(Settings):
     """How large constant errors usually are (standard deviations); those beyond three of them are faults."""
 
+    blunder_share: float = Field(
+        0.02, ge=0.0, lt=1.0, description="share of logs in which one of these errors is ten times as large as usual"
+    )
+
     range_bias_m: float = Field(0.3, gt=0.0, description="m, of UWB ranges: antenna delays (0.35 in recordings)")
     range_scale: float = Field(
         0.01, gt=0.0, description="ratio by which ranges are longer than both odometries have them: that of their scale"

@@ -10,13 +10,11 @@ from typing import TypeAlias
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.errors import InputError
 from wiclosure.types import (
     CandidatePairs,
     ClosureCheck,
     FilterResult,
     FrameAlignment,
-    PredictionKind,
     RadioLinks,
     Trajectory,
     WirelessLog,
@@ -27,20 +25,18 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.cycles import Cycles, contradictions
+from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
-from wiclosure.wiclosure_filter.faults.rereading import reread
 from wiclosure.wiclosure_filter.faults.team import NameOrders
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 from wiclosure.wiclosure_filter.search.gates import make_gate
-from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs, find_overlap
-from wiclosure.wiclosure_filter.search.pairs import all_pairs, count_pairs
-from wiclosure.wiclosure_filter.search.relative_heading import RelativeHeading, compass_yaw
-from wiclosure.wiclosure_filter.shared.alternative_estimates import AlternativeEstimates
+from wiclosure.wiclosure_filter.search.overlap_search import KeptPairs
+from wiclosure.wiclosure_filter.search.pairs import count_pairs
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory, share_trajectories
+from wiclosure.wiclosure_filter.unjoined.unjoined_robots import UnjoinedRobots, as_candidates, outcome
 from wiclosure.workers import ThisProcess, Workers
 
 RobotPair: TypeAlias = tuple[str, str]
@@ -82,7 +78,7 @@ class WiClosureFilter:
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         kept = self.search(shared)
         pairs = tuple(
-            kept[pair] if pair in kept else self._unjoined(pair, trajectories, wireless, links, alignments.get(pair))
+            kept[pair] if pair in kept else self._unjoined(pair, trajectories, wireless, links, alignments).candidates()
             for pair in robot_pairs(list(trajectories))
         )
         # 6. Where it predicts nothing, the radio can still contradict closures once they are measured.
@@ -138,15 +134,14 @@ class WiClosureFilter:
     ) -> tuple[dict[RobotPair, Links], dict[RobotPair, FrameAlignment]]:
         """Names the likeliest systematic error where measurements do not fit; corrects it if that is accepted."""
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
-        for pair, reason in contradictions(alignments, trajectories, settings.drift_inflation).items():
-            alignments[pair] = replace(alignments[pair], ambiguous=True, reason=reason, suspected_fault=reason)
         cycles = Cycles(alignments, links, trajectories, settings.drift_inflation)
-        alignments |= cycles.without_refuted_readings(settings.guard.min_odds)
+        alignments |= {pair: alignments[pair].doubted(reason) for pair, reason in cycles.contradictions().items()}
+        alignments |= replace(cycles, alignments=alignments).without_refuted_readings(settings.guard.min_odds)
         orders = NameOrders.of(alignments, trajectories, wireless, settings)
         mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
-        for pair, alignment in list(alignments.items()):
-            if objection and not alignment.ambiguous:
-                alignments[pair] = replace(alignment, ambiguous=True, reason=objection, suspected_fault=objection)
+        if objection:  # which also makes of two robots' few alternatives those of two others
+            pruned = [pair for pair, one in alignments.items() if not one.ambiguous or one.likely_alternatives]
+            alignments |= {pair: alignments[pair].doubted(objection) for pair in pruned}
         if mixed_up is None:
             faults = side_by_side.faults(alignments.values(), trajectories, wireless, settings, self.workers)
         else:
@@ -179,12 +174,11 @@ class WiClosureFilter:
         near = shared.by_rank(shared.may_meet(gate))
         models = ((pair, shared.estimates[pair].models(*pair, gate)) for pair in near)
         found = dict(side_by_side.searches(models, len(near), self.settings.gate, self.workers))
-        return {pair: self._kept(pair, found.get(pair, NOTHING), joint) for pair, joint in shared.estimates.items()}
-
-    def _kept(self, pair: RobotPair, found: KeptPairs, estimate: SharedEstimate) -> CandidatePairs:
-        """Pairs that the gate keeps by any of the models, with the scores of the one that suits them best."""
-        kept = found.best(self.settings.gate.budget)
-        return CandidatePairs(*pair, kept.index_a, kept.index_b, kept.overlap_probability, kept.mahalanobis, estimate)
+        budget = self.settings.gate.budget
+        return {
+            pair: as_candidates(pair, found.get(pair, NOTHING), joint, budget)
+            for pair, joint in shared.estimates.items()
+        }
 
     def _unjoined(
         self,
@@ -192,40 +186,10 @@ class WiClosureFilter:
         trajectories: Mapping[str, Trajectory],
         wireless: WirelessLog,
         links: Mapping[RobotPair, Links],
-        alignment: FrameAlignment | None,
-    ) -> CandidatePairs:
-        """Where nothing joins the robots for certain: pairs that a few alignments leave, or all, or none."""
-        a, b = pair
-        if self.settings.on_ambiguous == "raise":
-            raise InputError(
-                f"the radio does not tell how {a} and {b} lie; add measurements, or set on_ambiguous to pass or reject"
-            )
-        if self.settings.on_ambiguous == "reject":
-            none = np.zeros(0, np.int64)
-            return CandidatePairs.without_prediction(a, b, none, none)
+        alignments: Mapping[RobotPair, FrameAlignment],
+    ) -> UnjoinedRobots:
         both = {robot: trajectories[robot] for robot in pair}
-        if alignment is not None:
-            gate, limits = make_gate(self.settings.gate), GatheringLimits.of(self.settings.alignment)
-
-            def shared(one: FrameAlignment) -> SharedTrajectory:
-                read, own = reread(one, links[pair], both, wireless, limits)
-                return self.share(both, {pair: own}, [read])
-
-            alternatives = AlternativeEstimates.of(alignment, shared, gate)
-            if alternatives is not None:
-                parts = [find_overlap(model, gate) for model in alternatives.models(a, b, gate)]
-                return self._kept(pair, KeptPairs.united(parts), alternatives)
-        whole = all_pairs(a, len(trajectories[a]), b, len(trajectories[b]))
-        return whole if alignment is None else replace(whole, predictor=self._heading(alignment, both))
-
-    def _heading(self, alignment: FrameAlignment, trajectories: Mapping[str, Trajectory]) -> RelativeHeading | None:
-        """Rotations that compasses predict where nothing tells positions; None where they are too vague."""
-        settings = self.settings
-        yaw = compass_yaw(alignment, settings.alignment.guard.max_yaw_sigma_rad)
-        if yaw is None or not settings.alignment.gravity_aligned:
-            return None
-        tilt_sigma_rad, height_sigma_m = self._frame_prior.sigmas[[0, 5]].tolist()
-        return RelativeHeading(trajectories, *yaw, tilt_sigma_rad, settings.gate.sensor_range_m, height_sigma_m)
+        return UnjoinedRobots(both, wireless, links.get(pair), alignments.get(pair), self.settings, self._frame_prior)
 
     def _checks(
         self,
@@ -251,28 +215,18 @@ class WiClosureFilter:
         self, pairs: Sequence[CandidatePairs], alignments: Mapping[RobotPair, FrameAlignment], shared: SharedTrajectory
     ) -> tuple[str, ...]:
         """Why pairs of robots were not pruned, and which measurements served nothing."""
-        sentences = list(shared.diagnosis)
+        sentences, reject = list(shared.diagnosis), self.settings.on_ambiguous == "reject"
         for kept in pairs:
             pair = (kept.robot_a, kept.robot_b)
             alignment = alignments.get(pair)
             reason = "no measurement between the robots" if alignment is None else alignment.reason
             if pair not in shared.estimates:
-                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {self._outcome(kept, alignment)}")
+                sentences.append(f"{pair[0]} and {pair[1]}: {reason}; {outcome(kept, alignment, reject=reject)}")
             elif alignment is not None and alignment.corrections:
                 sentences.append(f"{pair[0]} and {pair[1]}: corrected: {'; '.join(alignment.corrections)}")
             elif alignment is not None and alignment.ambiguous:
                 sentences.append(f"{pair[0]} and {pair[1]}: {reason}; joined through other robots")
         return tuple(sentences)
-
-    def _outcome(self, kept: CandidatePairs, alignment: FrameAlignment | None) -> str:
-        """Which pairs of two robots are kept that nothing joins for certain."""
-        if self.settings.on_ambiguous == "reject":
-            return "every pair is rejected"
-        if alignment is not None and kept.predicts is PredictionKind.POSE:
-            likely = 1 + len(alignment.likely_alternatives)
-            return f"{len(kept)} pairs possible under one of {likely} likely alignments are kept"
-        known = "" if kept.predicts is None else ", with the relative heading from compasses"
-        return f"every pair is kept{known}"
 
 
 def _as_predicted(

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.pipeline.data.dataset import load_dataset
+from wiclosure.pipeline.data.folders.survey import is_recording, survey_file
 from wiclosure.pipeline.data.named_trajectories import named_trajectories
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.runtime.paths import expanded, is_file
 from wiclosure.types import Trajectory, WirelessLog
 
 
@@ -24,6 +26,7 @@ def log_and_trajectories(
         ConfigError: nothing to check, or a robot without a trajectory.
     """
     if data:
+        _require_no_log(data)
         dataset = load_dataset(data, wireless=sources)
         named = named_trajectories(trajectories) if trajectories else {}
         for robot in dataset.robots:
@@ -50,3 +53,13 @@ def log_and_trajectories(
 
 def _only(sources: Sequence[RadioSource]) -> RadioSource | None:
     return sources[0] if len(sources) == 1 else None
+
+
+def _require_no_log(data: Sequence[str]) -> None:
+    for word in data:
+        path = expanded(word)
+        if is_file(path) and not is_recording(path) and survey_file(path).kind == "radio":
+            raise ConfigError(
+                f"{word} is a radio log, no data set; name it with --wireless {word}, and each robot's trajectory with"
+                " --trajectory NAME=FILE"
+            )

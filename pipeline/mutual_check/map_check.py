@@ -15,7 +15,7 @@ from scipy.special import logsumexp
 
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.odds import in_words
-from wiclosure.pipeline.mutual_check.readings import Reading, readings_of_log
+from wiclosure.pipeline.mutual_check.readings import Apart, Reading, readings_of_log
 from wiclosure.types import Closure, FloatArray, IntArray, Stage, Trajectory, WirelessLog, survivors
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
@@ -128,8 +128,15 @@ class MergedPair:
         as_merged = observations.state(np.eye(4))[None]
         return float(mixture.log_likelihood(as_merged)[0] + compass.log_density(as_merged)[0])
 
+    def apart(self, log: WirelessLog) -> Apart:
+        """How far apart the antennas were, as measured and in the map."""
+        return Apart.of(self._links(log), np.eye(4))
+
+    def _links(self, log: WirelessLog) -> Links:
+        return TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+
     def _observations(self, log: WirelessLog) -> Observations | None:
-        links: Links = TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+        links = self._links(log)
         return Observations.of(links, self.alignment.radio) if len(links) else None
 
     def _drift(self, observations: Observations) -> tuple[FloatArray, FloatArray]:
@@ -146,7 +153,7 @@ class MergedPair:
 def contradiction(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettings) -> Contradiction | None:
     """How the map speaks against the log of two robots; None where it does not."""
     as_read = pair.log_evidence(log)
-    tried = readings_of_log(*pair.pair, log, pair.alignment.calibration)
+    tried = readings_of_log(*pair.pair, log, pair.alignment.calibration, pair.apart(log))
     each = [
         np.array([pair.log_evidence(c.apply((pair.merged, log))[1], log if r.widens else None) for c in r.corrections])
         for r in tried
@@ -154,7 +161,7 @@ def contradiction(pair: MergedPair, log: WirelessLog, settings: MutualCheckSetti
     usual = [float(np.max(found - np.square(r.sigmas) / 2)) for r, found in zip(tried, each, strict=True) if r.sigmas]
     honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
     known = np.log(settings.systematic_error / len(tried))
-    wrong = [float(known + logsumexp(found) - np.log(len(found))) for found in each]
+    wrong = [float(known + logsumexp(found) - r.log_sizes) for r, found in zip(tried, each, strict=True)]
     log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
     if log_odds < np.log(settings.decisive_odds):
         return None

@@ -28,15 +28,17 @@ class StageLines:
         """A line for each robot."""
         for robot, front in fronts.items():
             length_m = front.odometry.distance[-1]
+            keyframes = f"{len(front.keyframes):,} keyframe{'' if len(front.keyframes) == 1 else 's'}"
             self._say(
-                f"odometry of {robot}: {len(front.odometry):,} of {front.counts.scans:,} scans,"
-                f" {len(front.keyframes):,} keyframes, {length_m:,.1f} m"
+                f"odometry of {robot}: {len(front.odometry):,} of {front.counts.scans:,} scans, {keyframes},"
+                f" {length_m:,.1f} m"
             )
 
     def candidates(self, filtered: FilterResult) -> None:
-        """How many pairs are kept."""
+        """How many pairs are kept; of a lone robot there are none."""
         kept, total = filtered.pairs_kept, filtered.pairs_total
-        self._say(f"filter {filtered.filter_name}: {kept:,} of {total:,} pairs kept in {filtered.seconds:.1f} s")
+        if total:
+            self._say(f"filter {filtered.filter_name}: {kept:,} of {total:,} pairs kept in {filtered.seconds:.1f} s")
 
     def closures(self, closures: Sequence[Closure]) -> None:
         """How many are proposed, or left after registration and radio check."""

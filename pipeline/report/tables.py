@@ -25,7 +25,7 @@ LEAST_S = 0.05  # of a stage that is told: below, it reads 0.0
 def run_table(metrics: Metrics) -> Table:
     """One run on one screen, stage after stage, and below it what the user should know."""
     table = _two_columns(f"run with filter: {metrics['filter']}")
-    table.add_row("candidate pairs", _of(metrics["pairs_kept"], metrics["pairs_total"], "kept"))
+    _add_pairs(table, metrics["pairs_kept"], metrics["pairs_total"])
     for found in (metrics["candidates"], metrics["candidates_registrable"]):
         if found["true"] is not None:
             table.add_row(f"  within {found['radius_m']:g} m", _candidates(found))
@@ -64,7 +64,7 @@ def trajectory_table(metrics: TrajectoryMetrics) -> Table:
 def filter_table(result: FilterResult) -> Table:
     """What a candidate filter kept, and how the radio places the robots."""
     table = _two_columns(f"filter: {result.filter_name}")
-    table.add_row("candidate pairs", _of(result.pairs_kept, result.pairs_total, "kept"))
+    _add_pairs(table, result.pairs_kept, result.pairs_total)
     for pairs in result.pairs:
         table.add_row(f"  {pairs.robot_a}-{pairs.robot_b}", f"{len(pairs):,}")
     for found in result.alignments:
@@ -112,13 +112,20 @@ def _two_columns(title: str) -> Table:
     return table
 
 
+def _add_pairs(table: Table, kept: int, total: int) -> None:
+    """A lone robot has none."""
+    if total:
+        table.add_row("candidate pairs", f"{kept:,} of {total:,} kept ({kept / total:.2%})")
+
+
 def _add_errors(table: Table, metrics: TrajectoryMetrics) -> None:
     team, horizontal = metrics["ate_m"]["team"], _metres(metrics["ate_horizontal_m"]["team"])
     explained = f"[bold]{_metres(team)}[/bold], {horizontal} without heights (one alignment for all robots)"
     table.add_row("team ATE", UNKNOWN if team is None else explained)
+    alone = len(metrics["ate_own_m"]) == 1
     for robot, own in metrics["ate_own_m"].items():
-        together = _metres(metrics["ate_m"][robot])
-        table.add_row(escape(f"  {robot}"), f"{together} with the team, {_metres(own)} aligned on its own")
+        together = "" if alone else f"{_metres(metrics['ate_m'][robot])} with the team, "
+        table.add_row(escape(f"  {robot}"), f"{together}{_metres(own)} aligned on its own")
     for robot, relative in metrics["rpe"].items():
         percent, turned_deg = relative["translation_percent"], relative["rotation_deg"]
         if percent is not None and turned_deg is not None:
@@ -155,11 +162,6 @@ def _radio(found: RadioMetrics) -> str:
 def _candidates(found: CandidateMetrics) -> str:
     recall, precision = _percent(found["recall"]), _percent(found["precision"])
     return f"{recall} of {found['true']:,} true pairs kept, {precision} of kept are true"
-
-
-def _of(part: int, whole: int, word: str) -> str:
-    share = f" ({part / whole:.2%})" if whole else ""
-    return f"{part:,} of {whole:,} {word}{share}"
 
 
 def _percent(share: float | None) -> str:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from threading import Thread
 
+from wiclosure.display import significant
 from wiclosure.errors import ConfigError
 
 _EVERY_S = 0.1
@@ -52,7 +53,8 @@ class MemoryLimit:
         while (taken := memory_taken()) <= self.limit_bytes:
             time.sleep(_EVERY_S)
         MemoryLimit.sentence = (
-            f"{taken / 1e6:.0f} MB of memory were taken, more than the limit of {self.limit_bytes / 1e6:.0f} MB"
+            f"{significant(taken / 1e6)} MB of memory were taken, more than the limit of"
+            f" {significant(self.limit_bytes / 1e6)} MB"
             " (--memory): work with fewer processes (-j), fewer scans (-n), larger keyframes.distance_m or"
             " map.voxel_size_m, or raise the limit"
         )

@@ -26,6 +26,11 @@ def is_file(path: Path) -> bool:
     return exists(path) and path.is_file()
 
 
+def is_folder(path: Path) -> bool:
+    """Whether it is a folder; see `exists`."""
+    return exists(path) and path.is_dir()
+
+
 def is_endless(path: Path) -> bool:
     """Whether it is a device, a pipe or a socket: what others' files name must end, and not wait for anybody."""
     return exists(path) and not path.is_file() and not path.is_dir()

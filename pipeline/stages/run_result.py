@@ -85,11 +85,11 @@ class RunResult:
     def _repr_html_(self) -> str:
         """What a notebook shows: the figures of the run, and its remarks."""
         metrics, closures = self.metrics, self.metrics["closures"]
-        team_m = metrics["ate_m"]["team"]
+        team_m, pairs = metrics["ate_m"]["team"], metrics["pairs_total"]
         rows = [
             ("robots in one map", listed(self.solution.graph.components[0])),
             ("not connected", listed(self.solution.graph.unconnected)),
-            ("candidate pairs", f"{metrics['pairs_kept']:,} of {metrics['pairs_total']:,} kept"),
+            ("candidate pairs", f"{metrics['pairs_kept']:,} of {pairs:,} kept" if pairs else ""),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
             ("team ATE", "" if team_m is None else f"{significant(team_m)} m"),
             ("seconds", f"{metrics['seconds']['total']:.1f}"),

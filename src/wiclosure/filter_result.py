@@ -52,6 +52,7 @@ class Calibration:
         unit: `m`, `s`, `rad`, or empty for a ratio.
         value, sigma: the estimate; sigma is that of the prior where the measurements do not tell.
         prior_sigma: standard deviation that was expected.
+        held_sigma: that of the Gaussian which stood for the prior: wider where a blunder is likely, or nothing tells.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Calibration:
     value: float
     sigma: float
     prior_sigma: float
+    held_sigma: float
 
     @property
     def extraordinary(self) -> bool:
@@ -80,7 +82,7 @@ class Calibration:
     @property
     def measured(self) -> tuple[float, float]:
         """Value and sigma by the measurements alone, without the prior that draws the estimate to zero."""
-        told = max(1.0 - (self.sigma / self.prior_sigma) ** 2, 1e-6)
+        told = max(1.0 - (self.sigma / self.held_sigma) ** 2, 1e-6)
         return self.value / told, self.sigma / math.sqrt(told)
 
     @property
@@ -140,6 +142,8 @@ class FrameAlignment:
         corrections: faults of the log that were corrected.
         strain: sum of squares, in standard deviations, by which the measurements bend odometry and constant errors.
         strain_probability: that they bend them as far if both err as usual.
+        bent_ns: between which times at a they bend it most, or tell another alignment; None where nothing tells.
+        slipped: whether odometry slipped then, or a robot was moved: links before and after tell an alignment each.
     """
 
     robot_a: str
@@ -158,11 +162,22 @@ class FrameAlignment:
     corrections: tuple[str, ...] = ()
     strain: float = 0.0
     strain_probability: float = 1.0
+    bent_ns: tuple[int, int] | None = None
+    slipped: bool = False
 
     @property
     def only_blunders(self) -> bool:
         """Whether all that speaks against it is that blunders would fit as well."""
         return bool(self.likely_alternatives) and all(other.blunder for other in self.likely_alternatives)
+
+    @property
+    def slip_ns(self) -> tuple[int, int] | None:
+        """Between which times at a odometry slipped, or a robot was moved; None where it seems not to."""
+        return self.bent_ns if self.slipped else None
+
+    def doubted(self, fault: str) -> FrameAlignment:
+        """The same as one that must not be used to prune, with what seems to be wrong."""
+        return replace(self, ambiguous=True, reason=fault, likely_alternatives=(), suspected_fault=fault)
 
     def certain_after_all(self, because: str) -> FrameAlignment:
         """The same without its doubts, and why these are gone."""

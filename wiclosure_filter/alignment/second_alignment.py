@@ -14,7 +14,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.strain import SLIP_ODDS
+from wiclosure.wiclosure_filter.alignment.strain import SLIP_ODDS, UNLIKELY
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver
@@ -32,13 +32,18 @@ class SecondAlignment:
         row: of the peak.
         log_odds: natural logarithm of the odds for both against the best one alone.
         sentence: what it is.
-        slip: true where it is a slip of the odometry.
+        bent_ns: of a slip of the odometry, from when to when it is likely; None of a reflection.
     """
 
     row: int
     log_odds: float
     sentence: str
-    slip: bool
+    bent_ns: tuple[int, int] | None = None
+
+    @property
+    def slip(self) -> bool:
+        """Whether it is a slip of the odometry."""
+        return self.bent_ns is not None
 
 
 def second_alignment(
@@ -79,7 +84,7 @@ def _slip(
     before = np.cumsum(gain, axis=1)
     gains = np.stack([before, before[:, -1:] - before])[:, :, :-1]
     if gains.size == 0:
-        return SecondAlignment(best, -np.inf, "", slip=True)
+        return SecondAlignment(best, -np.inf, "")
     gains = gains + (log_volume - np.log(gains.shape[2]) + np.log(SLIP_ODDS))[:, None]
     side, which, split = np.unravel_index(int(np.argmax(gains)), gains.shape)
     row = int(rows[which])
@@ -92,7 +97,9 @@ def _slip(
         f"odometry seems to slip, or a robot was moved: measurements until {since:.0f} s after the first tell another"
         f" alignment than those from {until:.0f} s on ({jumped:.1f} m and {np.degrees(turned):.0f} degrees apart)"
     )
-    return SecondAlignment(row, float(gains[side, which, split]), sentence, slip=True)
+    of_time = np.flatnonzero(gains[side, which] >= gains[side, which, split] - np.log(UNLIKELY))
+    bent_ns = int(stamps[of_time[0]]), int(stamps[of_time[-1] + 1])
+    return SecondAlignment(row, float(gains[side, which, split]), sentence, bent_ns)
 
 
 def _reflection(
@@ -125,4 +132,4 @@ def _reflection(
         f"{agreeing} of {len(observations)} measurements also hold a path that agrees with another alignment:"
         " one of the two is a reflection"
     )
-    return SecondAlignment(row, float(gain[which]), sentence, slip=False)
+    return SecondAlignment(row, float(gain[which]), sentence)

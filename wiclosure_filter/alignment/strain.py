@@ -20,6 +20,7 @@ from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
 from wiclosure.wiclosure_filter.alignment.calibration import EstimatedErrors
 
 SLIP_ODDS = 0.05  # of a slip, a lifted robot or a restarted odometry while two robots hear each other
+UNLIKELY = 100.0  # odds against a time of the slip, beside the likeliest
 _JUMP_RAD, _JUMP_M, _JUMP_HEIGHT_M = 0.5, 10.0, 0.3  # how far robots slip, or are carried
 
 
@@ -92,7 +93,7 @@ class Strain:
         open_steps = chain.covariance() @ chain.information
         held = chain.information @ (np.eye(4) - open_steps)
         left_open = np.trace(open_steps, axis1=1, axis2=2).sum()
-        left_open += np.sum(np.diag(errors.covariance) / errors.prior_sigma**2)
+        left_open += np.sum(np.diag(errors.covariance) / errors.held_sigma**2)
         jump = np.square([_JUMP_RAD, _JUMP_M, _JUMP_M, _JUMP_HEIGHT_M])
         freed = np.eye(4) + held * jump
         gained = np.einsum("mi,mi->m", force * jump, np.linalg.solve(freed, force[..., None])[..., 0])
@@ -103,6 +104,14 @@ class Strain:
     def probability(self, inflation: float) -> float:
         """That odometry and errors of their usual size are bent as far; `inflation` is what the steps were granted."""
         return float(chdtrc(max(self.determined, 1.0), inflation**2 * self.squared))
+
+    @property
+    def bent_ns(self) -> tuple[int, int] | None:
+        """From when to when a slip is likely at all."""
+        if len(self.slips) == 0:
+            return None
+        steps = np.flatnonzero(self.slips >= self.slips.max() - np.log(UNLIKELY))
+        return int(self.stamp_ns[steps[0]]), int(self.stamp_ns[steps[-1] + 1])
 
     def slip(self, min_odds: float) -> str:
         """When the odometry seems to slip, as a sentence; empty where the odds against it are at least `min_odds`."""

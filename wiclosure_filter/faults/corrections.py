@@ -37,6 +37,7 @@ class Correction:
         log_scale: natural logarithm of the factor on every range: densities over ranges are compared in one unit.
         log_prior: natural logarithm of how likely it is beside the others; an offset that was fitted could be any.
         whole_log: true for conventions and units: whoever wrote the log wrote all of it so.
+        slip: true where links before and after are to be aligned on their own instead.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
     """
 
@@ -46,6 +47,7 @@ class Correction:
     log_scale: float = 0.0
     log_prior: float = 0.0
     whole_log: bool = False
+    slip: bool = False
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
@@ -88,6 +90,12 @@ def ranges_off(bias_m: float) -> Correction:
         lambda m: m if m.range_m is None else replace(m, range_m=max(m.range_m - bias_m, 0.0)),
     )
     return replace(shifted, log_prior=_FITTED)
+
+
+def slipped(since_s: float, until_s: float) -> Correction:
+    """Of odometry that slips between two times after the first measurement."""
+    fault = f"odometry seems to slip, or a robot was moved, between {since_s:.0f} s and {until_s:.0f} s after the first"
+    return Correction(f"{fault} measurement", lambda inputs: inputs, of_log=False, slip=True)
 
 
 def clocks_apart(robot_b: str, ahead_s: float) -> Correction:

@@ -20,31 +20,8 @@ from wiclosure.wiclosure_filter.links.links import Links
 
 RobotPair: TypeAlias = tuple[str, str]
 
-_SIGMAS = 4.0
-_CLOSES = float(chdtri(3, 0.001))  # chi-square of yaw and place up to which a cycle closes
-
-
-def contradictions(
-    alignments: Mapping[tuple[str, str], FrameAlignment], trajectories: Mapping[str, Trajectory], inflation: float
-) -> dict[tuple[str, str], str]:
-    """Certain alignments that do not add up around a cycle of three, with a sentence each.
-
-    Args:
-        alignments: by pair of robots, a before b in the order of the trajectories.
-        trajectories: of all robots.
-        inflation: factor on the odometry's standard deviations.
-    """
-    certain = {pair: alignment for pair, alignment in alignments.items() if not alignment.ambiguous}
-    found: dict[tuple[str, str], str] = {}
-    for a, b, c in _triangles(list(trajectories), certain):
-        cycle = ((a, b), (b, c), (a, c))
-        metres, sigma = _gap_m([certain[pair] for pair in cycle], {r: trajectories[r] for r in (a, b, c)}, inflation)
-        if metres > _SIGMAS * sigma:
-            sentence = (
-                f"the alignments of {a}, {b} and {c} contradict each other by {metres:.0f} m (sigma {sigma:.1f} m)"
-            )
-            found |= dict.fromkeys(cycle, sentence)
-    return found
+# Chi-square of yaw and place up to which a cycle closes, and from which it does not (four standard deviations).
+_CLOSES, _CONTRADICTS = float(chdtri(3, 0.001)), float(chdtri(3, 6.3e-5))
 
 
 def _triangles(robots: Sequence[str], pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str, str]]:
@@ -55,35 +32,6 @@ def _triangles(robots: Sequence[str], pairs: Iterable[tuple[str, str]]) -> list[
         later[a].add(b)
     found = [(a, b, c) for a, after_a in list(later.items()) for b in after_a for c in after_a & later.get(b, set())]
     return sorted(found, key=lambda cycle: [order[robot] for robot in cycle])
-
-
-def _gap_m(
-    cycle: Sequence[FrameAlignment], trajectories: Mapping[str, Trajectory], inflation: float
-) -> tuple[float, float]:
-    """How far apart the two ways around put c's path, where they agree best, and the standard deviation of that.
-
-    Args:
-        cycle: alignments of a and b, b and c, a and c.
-        trajectories: of the three.
-        inflation: factor on the odometry's standard deviations.
-    """
-    ab, bc, ac = (alignment.best.T_a_b for alignment in cycle if alignment.best is not None)
-    c = list(trajectories.values())[2].positions
-    gaps = np.linalg.norm((se3.transform(ab @ bc, c) - se3.transform(ac, c))[:, :2], axis=1)
-    nearest = int(np.argmin(gaps))  # elsewhere the odometry may have turned
-    points = (se3.transform(bc, c[nearest]), c[nearest], c[nearest])
-    variance = _drift_variance(trajectories, inflation)
-    for alignment, point in zip(cycle, points, strict=True):
-        assert alignment.covariance is not None  # it is certain
-        by_errors = np.hstack([-se3.skew(point), np.eye(3)])
-        variance += float(np.trace((by_errors @ alignment.covariance @ by_errors.T)[:2, :2]))
-    return float(gaps[nearest]), float(np.sqrt(variance))
-
-
-def _drift_variance(trajectories: Mapping[str, Trajectory], inflation: float) -> float:
-    """Of all robots' paths from end to end: pairs meet at different times."""
-    ends = (t.relative_covariance(np.array([0]), np.array([len(t) - 1]))[0] for t in trajectories.values())
-    return inflation**2 * sum(float(np.trace(covariance[3:5, 3:5])) for covariance in ends)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +49,23 @@ class Cycles:
     links: Mapping[RobotPair, Links]
     trajectories: Mapping[str, Trajectory]
     inflation: float
+
+    def contradictions(self) -> dict[RobotPair, str]:
+        """Certain alignments that do not add up around a cycle of three, with a sentence each."""
+        found: dict[RobotPair, str] = {}
+        certain = {pair: alignment for pair, alignment in self.alignments.items() if not alignment.ambiguous}
+        for a, b, c in _triangles(list(self.trajectories), certain):
+            best = certain[a, b].best
+            assert best is not None  # it is certain
+            off, chi2 = self._gap(c, certain[a, b], best)
+            if chi2 > _CONTRADICTS:
+                metres, degrees = np.hypot(*off[1:]), np.degrees(abs(off[0]))
+                sentence = (
+                    f"the alignments of {a}, {b} and {c} contradict each other by {metres:.0f} m and {degrees:.0f}"
+                    f" degrees (chi-square {chi2:.0f} of three numbers)"
+                )
+                found |= dict.fromkeys(((a, b), (b, c), (a, c)), sentence)
+        return found
 
     def without_refuted_readings(self, min_odds: float) -> dict[RobotPair, FrameAlignment]:
         """Alignments that are certain after all: a third robot refutes every blunder that would fit as well.
@@ -126,13 +91,16 @@ class Cycles:
         """Whether the cycle through a third robot closes by what the log claims, and by no other reading."""
         assert alignment.best is not None  # it has likely alternatives
         readings = (alignment.best, *alignment.likely_alternatives)
-        chi2 = np.array([self._chi2(third, alignment, reading) for reading in readings])
+        chi2 = np.array([self._gap(third, alignment, reading)[1] for reading in readings])
         gained = np.array([reading.log_likelihood for reading in readings]) - readings[0].log_likelihood
         against = (chi2 - chi2[0]) / 2 - np.maximum(gained, 0.0)
         return bool(chi2[0] < _CLOSES and (against[1:] > np.log(min_odds)).all())
 
-    def _chi2(self, third: str, alignment: FrameAlignment, reading: AlignmentHypothesis) -> float:
-        """By which two robots lie otherwise than through the third, where they heard each other: yaw and place."""
+    def _gap(self, third: str, alignment: FrameAlignment, reading: AlignmentHypothesis) -> tuple[FloatArray, float]:
+        """By how much two robots lie otherwise than through the third, where they heard each other.
+
+        Yaw, x and y, and the chi-square of these.
+        """
         a, b = alignment.robot_a, alignment.robot_b
         (at_a, at_b), (a_third, third_a) = self._middle((a, b)), self._met(a, third)
         b_third, third_b = self._met(b, third)
@@ -148,7 +116,7 @@ class Cycles:
             T, C = T @ T_step, se3.compose_covariance(C, T_step, C_step)
         T_a_b, C_direct = self._at_meeting(replace(alignment, best=reading))
         off = se3.log(se3.inverse(T) @ T_a_b)[2:5]
-        return float(off @ np.linalg.solve((C + C_direct)[2:5, 2:5], off))
+        return off, float(off @ np.linalg.solve((C + C_direct)[2:5, 2:5], off))
 
     def _middle(self, pair: RobotPair) -> tuple[int, int]:
         """Keyframes of both in the middle of the time in which they heard each other."""

@@ -14,9 +14,17 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.align import align, align_together
 from wiclosure.wiclosure_filter.config import AlignmentSettings
-from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, azimuths_off, corrections, ranges_off
+from wiclosure.wiclosure_filter.faults.corrections import (
+    Correction,
+    RadioInputs,
+    azimuths_off,
+    corrections,
+    ranges_off,
+    slipped,
+)
+from wiclosure.wiclosure_filter.faults.cut import gain_of_cut
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -32,7 +40,9 @@ def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
     others, best = alignment.likely_alternatives, alignment.best
     if alignment.only_blunders and best is not None:
         return bool(max(other.log_likelihood for other in others) - best.log_likelihood > LIKELIER)
-    return bool(alignment.suspected_fault) or alignment.strain_probability < STRAINED
+    # What fits already can gain no more by a correction than its strain.
+    strained = alignment.strain_probability < STRAINED and alignment.strain / 2 > LIKELIER
+    return bool(alignment.suspected_fault) or strained
 
 
 def likeliest_fault(
@@ -55,8 +65,17 @@ def likeliest(
 ) -> int | None:
     """Which of the corrections that are `tried` makes the measurements fit; a number, which processes can exchange."""
     possible, claimed = tried(alignment, trajectories, log, settings)
-    inputs = _of_pair(alignment, trajectories, log)
-    gains = np.array([_gain(claimed, correction, inputs, quick_settings(settings)) for correction in possible])
+    inputs, quick = _of_pair(alignment, trajectories, log), quick_settings(settings)
+    corrected = [correction.apply(inputs) for correction in possible]
+    aligned = align_together([(_links(one, quick), one[0]) for one in corrected], quick)
+    gains = np.array(
+        [
+            gain_of_cut(alignment, claimed, _links(inputs, quick), inputs[0], quick)
+            if correction.slip
+            else _gain(claimed, correction, one)
+            for correction, one in zip(possible, aligned, strict=True)
+        ]
+    )
     return int(np.argmax(gains)) if gains.max(initial=-np.inf) > LIKELIER else None
 
 
@@ -69,13 +88,19 @@ def tried(
     if claimed.best is None:
         return [], claimed
     possible = corrections(alignment.robot_a, alignment.robot_b, inputs[1])
+    if alignment.bent_ns is not None:
+        first_ns = int(_links(inputs, quick).stamp_a_ns.min())
+        possible.append(slipped(*((stamp_ns - first_ns) / 1e9 for stamp_ns in alignment.bent_ns)))
     return possible + _constant_errors(claimed.best.T_a_b, inputs, quick), claimed
 
 
 def quick_settings(settings: AlignmentSettings) -> AlignmentSettings:
     """Of the alignments that are only compared."""
     guard = settings.guard.model_copy(update={"weigh_blunders": False})
-    return settings.model_copy(update={"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS, "guard": guard})
+    # Constant errors of a blunder's size are what the corrections are: here each is granted its usual size only.
+    usual = settings.calibration.model_copy(update={"blunder_share": 0.0})
+    few = {"proposals": _PROPOSALS, "max_measurements": _MEASUREMENTS}
+    return settings.model_copy(update={**few, "guard": guard, "calibration": usual})
 
 
 def with_fault(alignment: FrameAlignment, correction: Correction | None) -> FrameAlignment:
@@ -84,9 +109,8 @@ def with_fault(alignment: FrameAlignment, correction: Correction | None) -> Fram
         return alignment
     remedy = " (--accept-correction applies it)" if correction.of_log else ""
     fault = f"{correction.fault}{remedy}"
-    return replace(
-        alignment, ambiguous=True, likely_alternatives=(), reason=f"{fault}; {alignment.reason}", suspected_fault=fault
-    )
+    reason = f"{fault}; {alignment.reason}"
+    return replace(alignment.doubted(fault), reason=reason, slipped=correction.slip)
 
 
 def _of_pair(alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog) -> RadioInputs:
@@ -120,9 +144,8 @@ def _aligned(inputs: RadioInputs, settings: AlignmentSettings) -> FrameAlignment
     return align(_links(inputs, settings), inputs[0], settings)
 
 
-def _gain(claimed: FrameAlignment, correction: Correction, inputs: RadioInputs, settings: AlignmentSettings) -> float:
+def _gain(claimed: FrameAlignment, correction: Correction, corrected: FrameAlignment) -> float:
     """By how much more a correction explains (natural logarithm of odds); -inf where it does not explain enough."""
-    corrected = _aligned(correction.apply(inputs), settings)
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
     ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
@@ -142,17 +165,17 @@ def _constant_errors(T_a_b: FloatArray, inputs: RadioInputs, settings: Alignment
     if there.any():
         in_axes = np.einsum("mji,mj->mi", links.R_odom_axes, seen)
         off = se3.wrap_angle(links.azimuth - np.arctan2(in_axes[:, 1], in_axes[:, 0])[:, None])
-        angle = float(np.angle(_mode(np.exp(1j * off[there]), _WIDTH_RAD)))
+        angle = float(np.angle(mode(np.exp(1j * off[there]), _WIDTH_RAD)))
         if abs(angle) > _LEAST_OFF_RAD:
             found.append(azimuths_off(angle))
     ranged = links.has_range
     if ranged.any():
-        bias = float(_mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
+        bias = float(mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
         found += [ranges_off(sign * max(abs(bias), 3 * _LEAST_OFF_M)) for sign in (1.0, -1.0)]
     return found
 
 
-def _mode(values: np.ndarray, width: float) -> np.ndarray:
+def mode(values: np.ndarray, width: float) -> np.ndarray:
     """Mean of the values around the one that has most others near it."""
     near = np.abs(values[:, None] - values[None, :]) < width
     return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())

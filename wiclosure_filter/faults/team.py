@@ -16,7 +16,7 @@ from wiclosure.types import FrameAlignment, Trajectory, WirelessLog, robot_pairs
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, swapped
-from wiclosure.wiclosure_filter.faults.cycles import contradictions
+from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import LIKELIER, quick_settings
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
@@ -95,6 +95,6 @@ def _log_likelihood(inputs: RadioInputs, settings: AlignmentSettings) -> float:
         if alignments[pair].suspected_fault:
             return -np.inf
     heard = [alignment for alignment in alignments.values() if alignment.best is not None]
-    if contradictions(alignments, trajectories, settings.drift_inflation):
+    if Cycles(alignments, links, trajectories, settings.drift_inflation).contradictions():
         return -np.inf
     return float(sum(one.best.log_likelihood - one.strain / 2 for one in heard if one.best is not None))

@@ -80,6 +80,10 @@ class Links:
         whole = {"robot_a", "robot_b", "left_out"}
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in whole})
 
+    def in_stretch(self, start_a: int, start_b: int) -> Links:
+        """The same of trajectories that begin at later keyframes."""
+        return replace(self, index_a=self.index_a - start_a, index_b=self.index_b - start_b)
+
     def thinned(self, most: int) -> Links:
         """At most so many measurements, evenly over the time; neighbours stay together: one may range, one bear."""
         if len(self) <= most:

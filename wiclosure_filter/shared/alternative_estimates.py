@@ -16,7 +16,7 @@ from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import PairModel
-from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate, SharedTrajectory
+from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class AlternativeEstimates:
 
     @classmethod
     def of(
-        cls, alignment: FrameAlignment, estimate: Callable[[FrameAlignment], SharedTrajectory], gate: Gate
+        cls, alignment: FrameAlignment, estimate: Callable[[FrameAlignment], SharedEstimate | None], gate: Gate
     ) -> AlternativeEstimates | None:
         """One estimate for each of the likely alignments; None where they are not few, or one allows no estimate.
 
@@ -47,13 +47,12 @@ class AlternativeEstimates:
         """
         if alignment.best is None or not alignment.likely_alternatives:
             return None
-        pair = (alignment.robot_a, alignment.robot_b)
         estimates = []
         for hypothesis in (alignment.best, *alignment.likely_alternatives):
-            shared = estimate(replace(alignment, best=hypothesis, ambiguous=False))
-            if pair not in shared.estimates:
+            found = estimate(replace(alignment, best=hypothesis, ambiguous=False))
+            if found is None:
                 return None
-            estimates.append(shared.estimates[pair])
+            estimates.append(found)
         return cls(tuple(estimates), gate)
 
     @property
@@ -99,8 +98,11 @@ class AlternativeEstimates:
         """Probability `(M,)` of overlap under one of the estimates; 0 where its gate does not keep the pair."""
         probability = np.zeros(len(index_a))
         for model in estimate.models(robot_a, robot_b):
-            rows = np.flatnonzero(model.applies(index_a, index_b))
-            p, k = index_a[rows], index_b[rows]
+            p, k = index_a - model.first[0], index_b - model.first[1]
+            there = (p >= 0) & (p < len(model.a)) & (k >= 0) & (k < len(model.b))
+            rows = np.flatnonzero(there)
+            rows = rows[model.applies(p[rows], k[rows])]
+            p, k = p[rows], k[rows]
             scores = self.gate.score(model.displacement(p, k), model.covariance(p, k))
             probability[rows[scores.keep]] = scores.overlap_probability
         return probability

@@ -50,7 +50,7 @@ def errors_of(alignment: FrameAlignment) -> PriorErrors | None:
     """What an alignment estimated, with what was known before; None where it did not."""
     if not alignment.calibration:
         return None
-    value, sigma = np.array([(one.value, one.prior_sigma) for one in alignment.calibration]).T
+    value, sigma = np.array([(one.value, one.held_sigma) for one in alignment.calibration]).T
     return PriorErrors(value, sigma)
 
 

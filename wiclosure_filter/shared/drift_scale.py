@@ -12,7 +12,7 @@ import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
+from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 
 
 def drift_scale(

@@ -22,13 +22,14 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray, PredictionKind
+from wiclosure.wiclosure_filter.covariance.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
 from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, with_constant_errors
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
-from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.shared.joint_factors import (
     JointFactors,
     add_first_guess,
@@ -39,7 +40,6 @@ from wiclosure.wiclosure_filter.shared.joint_factors import (
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.shared.reach import Reach, meeting_stretches, near_enough
-from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 # The drift is scaled again where it grew by this factor, at most so often.
 GROWN, MOST_RESCALINGS = 1.2, 5
@@ -99,8 +99,8 @@ class JointEstimate:
 
     @cached_property
     def _ranks(self) -> dict[str, int]:
-        """By the middle of each robot's places: nested dissection gives nodes of one part of the plan nearby places."""
-        middle = {robot: float(np.median(self.covariance.root.place[self._rows(robot)])) for robot in self.nodes}
+        """By the middle of each robot's cliques, which lie near each other for nodes of one part of the plan."""
+        middle = {robot: float(np.median(self.covariance.root.clique_of[self._rows(robot)])) for robot in self.nodes}
         return {robot: rank for rank, robot in enumerate(sorted(middle, key=middle.__getitem__))}
 
     @cached_property

@@ -14,6 +14,7 @@ from wiclosure.pipeline.data.folders.survey import Found
 from wiclosure.pipeline.radio.read import RadioReading, read_radio
 from wiclosure.pipeline.radio.readers.tag_names import number_at_end
 from wiclosure.pipeline.radio.source import RadioSource
+from wiclosure.pipeline.runtime.paths import is_folder
 from wiclosure.pipeline.sources.info import TopicInfo
 from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE
 
@@ -257,4 +258,4 @@ def _quoted(path: str) -> str:
 
 
 def _relative(folder: Path, path: Path) -> str:
-    return path.relative_to(folder).as_posix() + ("/" if path.is_dir() else "")
+    return path.relative_to(folder).as_posix() + ("/" if is_folder(path) else "")

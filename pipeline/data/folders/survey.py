@@ -100,13 +100,16 @@ def _within(folder: Path, depth: int, *, salvage: bool) -> Iterator[Found]:
     for path in sorted(folder.iterdir()):
         if path.name.startswith("."):
             continue
-        if is_recording(path):
-            yield _recording(path, salvage=salvage)
-        elif path.is_dir():
-            if depth > 1:
-                yield from _within(path, depth - 1, salvage=salvage)
-        elif not _PARTS.match(path.name):
-            yield survey_file(path)
+        try:
+            if is_recording(path):
+                yield _recording(path, salvage=salvage)
+            elif path.is_dir():
+                if depth > 1:
+                    yield from _within(path, depth - 1, salvage=salvage)
+            elif not _PARTS.match(path.name):
+                yield survey_file(path)
+        except OSError as error:
+            yield Found(path, "unknown", f"cannot be read: {error.strerror or error}")
 
 
 def _recording(path: Path, *, salvage: bool) -> Found:

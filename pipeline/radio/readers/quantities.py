@@ -18,6 +18,7 @@ from wiclosure.formats.radio.radio_units import (
     radians,
     stamp_ns,
     stamp_unit_of,
+    unit_in_cell,
 )
 from wiclosure.formats.radio.wireless_log import DEFAULT_RANGE_SIGMA_M
 from wiclosure.formats.text_table import is_number, number_of
@@ -60,7 +61,9 @@ def measured_at_ns(values: Values, source: RadioSource, account: Account) -> int
             unit = stamp_unit_of(Decimal(text))
             account.note(f"stamps are read as {unit}; state stamp_unit where that is wrong")
         except ArithmeticError:
-            account.note("stamps are read as dates, UTC where no zone is named")
+            named = unit_in_cell(text)
+            read_as = "their own unit says" if named else "dates, UTC where no zone is named"
+            account.note(f"stamps are read as {read_as}")
     return stamp_ns(text, source.stamp_unit) + offset_ns
 
 

@@ -48,6 +48,8 @@ def _diagnosis(result: RunResult) -> str:
         "closures": f"{metrics['closures']['accepted']} of {metrics['closures']['proposed']} accepted",
         "robots in one map": ", ".join(metrics["components"][0]["robots"]),
     }
+    if not metrics["pairs_total"]:  # of a lone robot
+        del counts["pairs of keyframes"]
     lines = [f"**{name}**: {value}" for name, value in counts.items()]
     return "\n\n".join(lines + [f"- {sentence}" for sentence in metrics["diagnosis"]])
 

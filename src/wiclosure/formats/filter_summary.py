@@ -45,6 +45,7 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "calibration": [_calibration(one) for one in alignment.calibration],
         "strain_probability": alignment.strain_probability,
         "corrections": list(alignment.corrections),
+        "slip": [stamp_ns / 1e9 for stamp_ns in alignment.slip_ns or ()],
     }
 
 

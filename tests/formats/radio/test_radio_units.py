@@ -33,6 +33,18 @@ def test_every_unit_of_a_stamp_keeps_its_nanoseconds(ns: int, unit: TimeUnit) ->
     assert stamp_ns(text, "auto") == ns
 
 
+@given(EPOCH_NS, st.sampled_from(["s", "ms", "us", "ns"]), st.sampled_from(["", " "]))
+def test_a_unit_in_the_cell_counts(ns: int, unit: TimeUnit, space: str) -> None:
+    assert stamp_ns(f"{Decimal(ns) / NANOSECONDS[unit]}{space}{unit}", "auto") == ns
+    assert stamp_ns(f"{Decimal(ns) / NANOSECONDS[unit]}{space}{unit}", "us") == ns
+
+
+@pytest.mark.parametrize("text", ["1.0 parsecs", "s", "1.0 s s", "1 2 s"])
+def test_other_words_behind_a_number_are_no_unit(text: str) -> None:
+    with pytest.raises(ValueError, match="is no time"):
+        stamp_ns(text, "s")
+
+
 @given(st.floats(0, 1e4), st.sampled_from(sorted(METRES)))
 def test_lengths_come_back(length_m: float, unit: LengthUnit) -> None:
     assert metres(length_m / METRES[unit], unit) == pytest.approx(length_m, rel=1e-12, abs=1e-12)

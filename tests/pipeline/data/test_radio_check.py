@@ -78,3 +78,9 @@ def test_nothing_to_check(site: Path, monkeypatch) -> None:
     words = ["alpha=alpha_gt.tum", "beta=beta_gt.tum"]
     with pytest.raises(InputError, match="the log holds no measurements"):
         log_and_trajectories([], [RadioSource(path=Path("empty.jsonl"))], words)
+
+
+def test_a_log_in_the_place_of_a_data_set_is_told_from_one(site: Path) -> None:
+    log = str(site / "radio.jsonl")
+    with pytest.raises(ConfigError, match=r"radio.jsonl is a radio log, no data set; name it with --wireless .*radio"):
+        log_and_trajectories([log], [], [])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from wiclosure.types import (
     WirelessLog,
     WirelessMeasurement,
 )
+from wiclosure.wiclosure_filter.baselines import NoFilter
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 
 SIGMA = np.repeat([0.005, 0.05], 3)
@@ -138,23 +138,18 @@ FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def unpredicted(team: Team) -> Callable[[str], PairOutcome]:
-    """What the filter makes of a log with a fault, none of it called certain; once for all tests."""
-
-    @cache
-    def outcome(fault: str) -> PairOutcome:
-        found = team.outcome(FAULTS[fault][0](team.log))
-        return replace(found, kept=replace(found.kept, predictor=None))
-
-    return outcome
+def unpredicted(team: Team) -> PairOutcome:
+    """All pairs, since the filter calls nothing certain, as it does of a log with a fault."""
+    (everything,) = NoFilter().candidates(team.odometry, team.log).pairs
+    return PairOutcome(("a", "b"), everything, (), ())
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_closures_win_over_a_radio_with_an_error_which_is_named(
-    team: Team, unpredicted: Callable[[str], PairOutcome], fault: str
+    team: Team, unpredicted: PairOutcome, fault: str
 ) -> None:
     spoil, words = FAULTS[fault]
-    log, outcome = spoil(team.log), replace(unpredicted(fault), checked=tuple(team.closures(12)))
+    log, outcome = spoil(team.log), replace(unpredicted, checked=tuple(team.closures(12)))
     found = check_pair(outcome, team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict is Verdict.CLOSURES
@@ -163,13 +158,13 @@ def test_closures_win_over_a_radio_with_an_error_which_is_named(
     assert "the radio is the likely fault" in found.sentence
 
 
-@pytest.mark.parametrize("fault", ["clockwise", "from the left", "reversed", "odometry axes"])
+@pytest.mark.parametrize("fault", ["clockwise", "odometry axes"])
 def test_closures_of_places_that_look_alike_do_not_win_over_ranges(
-    team: Team, unpredicted: Callable[[str], PairOutcome], fault: str
+    team: Team, unpredicted: PairOutcome, fault: str
 ) -> None:
     spoil, _ = FAULTS[fault]
     log, false = spoil(team.log), team.closures(25, SHIFT)
-    outcome = replace(unpredicted(fault), checked=tuple(false))
+    outcome = replace(unpredicted, checked=tuple(false))
     found = check_pair(outcome, team.odometry, log, Config(), lambda pair, also: [])
     assert found.weighed is not None
     assert found.weighed.verdict in {Verdict.NEITHER, Verdict.UNDECIDED}

@@ -84,6 +84,8 @@ FAULTS = {
     "off by 20 degrees counter-clockwise": turned(1, 20.0),
     "in feet": longer(3.28, 0.0),
     "ranges are 3.0 m too long": longer(1.0, 3.0),
+    "ranges are 24.0 m too long": longer(1.0, 24.0),
+    "61 % too long for the odometry": longer(1.6, 0.0),
     "s ahead": each(lambda m: replace(m, transmitter_stamp_ns=m.stamp_ns + (2 if m.receiver == "b" else -2) * 10**9)),
     "ahead of those of the scans": each(lambda m: replace(m, stamp_ns=m.stamp_ns + 3 * 10**9)),
     "twice the distance": longer(2.0, 0.0),
@@ -93,7 +95,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_an_honest_log_is_not_contradicted(seed: int) -> None:
     assert found(heard(seed)) is None
 

@@ -81,6 +81,14 @@ def test_a_run_without_ground_truth_has_no_rows_of_errors():
     assert "None" not in text + shown(trajectory_table(metrics))
 
 
+def test_a_lone_robot_has_no_pairs_and_no_team() -> None:
+    metrics = metrics_of("none", ate=0.25, kept=0) | {"pairs_total": 0, "ate_own_m": {"alpha": 0.25}}
+    text = shown(run_table(metrics))
+    assert "candidate pairs" not in text
+    assert "with the team" not in text
+    assert "0.25 m aligned on its own" in text
+
+
 def test_a_recording_shows_topics_and_the_first_cloud():
     cloud = CloudInfo(1, 1000, 990, 16, "lidar", (FieldInfo("x", "f4", 0), FieldInfo("t", "u4", 12)), (0.0, 0.1))
     topics = (

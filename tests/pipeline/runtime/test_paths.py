@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from wiclosure.pipeline.runtime.paths import exists, expanded, is_file
+from wiclosure.pipeline.runtime.paths import exists, expanded, is_file, is_folder
 
 
 @pytest.mark.parametrize("name", ["a" * 300, "a\0b", "~nobody-of-that-name/x", "absent", "\udcff"])
@@ -19,4 +19,7 @@ def test_files_and_folders(tmp_path: Path) -> None:
     assert exists(tmp_path)
     assert not is_file(tmp_path)
     assert is_file(tmp_path / "a")
+    assert is_folder(tmp_path)
+    assert not is_folder(tmp_path / "a")
+    assert not is_folder(Path("/proc/1/cwd/absent"))
     assert expanded("~/x") == Path.home() / "x"

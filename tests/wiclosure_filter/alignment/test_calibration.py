@@ -13,6 +13,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.types import Calibration, FloatArray
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.calibration import BIAS, CLOCK, COUNT, SystematicErrors
+from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 
 DRIFT = DriftModel(translation_walk=0.01, rotation_walk=1e-4, rotation_walk_turning=1e-4)
@@ -65,14 +66,16 @@ def test_what_nothing_tells_keeps_its_prior_and_widens_the_covariance(make_case:
     wide = align(case.links, case.trajectories, case.settings)
     sure = align(case.links, case.trajectories, narrow)
     mounting = found(wide, "azimuth offset of a")
-    assert mounting.sigma == pytest.approx(mounting.prior_sigma)
+    assert mounting.sigma == pytest.approx(mounting.prior_sigma * np.sqrt(0.98 + 0.02 * 10**2), rel=1e-3)
     assert np.trace(wide.covariance[3:, 3:]) > np.trace(sure.covariance[3:, 3:])
     assert (np.linalg.eigvalsh(wide.covariance) > 0).all()
 
 
 def test_correcting_undoes_the_errors(make_case: Callable[..., object]) -> None:
     case = make_case("reciprocal", heard=20)
-    errors = SystematicErrors.of(case.problem.observations, case.problem.odometry, CalibrationPriors())
+    errors = SystematicErrors.of(
+        case.problem.observations, case.problem.odometry, ErrorPrior.of(CalibrationPriors()).usual
+    )
     same = errors.corrected(np.zeros(COUNT))
     np.testing.assert_allclose(same.direction, case.problem.observations.direction)
     value = np.zeros(COUNT)
@@ -84,20 +87,22 @@ def test_correcting_undoes_the_errors(make_case: Callable[..., object]) -> None:
 
 def test_a_blunder_of_which_the_prior_keeps_the_estimate_is_likely() -> None:
     # 3 m are measured to 0.6 m, and the prior of 0.3 m leaves 0.6 m of them: 3.6 usual sizes, or one of a blunder.
-    assert Calibration("range bias", "m", 0.6, 0.268, 0.3).log_blunder > 3.0
-    assert Calibration("range bias", "m", 0.06, 0.268, 0.3).log_blunder <= 0.0
-    assert Calibration("range bias", "m", 0.7, 0.1, 0.3).log_blunder == 0.0  # the estimate has followed
+    assert Calibration("range bias", "m", 0.6, 0.268, 0.3, 0.3).log_blunder > 3.0
+    assert Calibration("range bias", "m", 0.06, 0.268, 0.3, 0.3).log_blunder <= 0.0
+    assert Calibration("range bias", "m", 0.7, 0.1, 0.3, 0.3).log_blunder == 0.0  # the estimate has followed
 
 
 def test_extraordinary_errors_are_far_beyond_prior_and_sigma() -> None:
-    assert Calibration("range bias", "m", 1.0, 0.1, 0.3).extraordinary
-    assert not Calibration("range bias", "m", 0.8, 0.1, 0.3).extraordinary
-    value, sigma = Calibration("range bias", "m", 0.5, 0.15, 0.3).measured
+    assert Calibration("range bias", "m", 1.0, 0.1, 0.3, 0.3).extraordinary
+    assert not Calibration("range bias", "m", 0.8, 0.1, 0.3, 0.3).extraordinary
+    value, sigma = Calibration("range bias", "m", 0.5, 0.15, 0.3, 0.3).measured
     assert value == pytest.approx(0.5 / 0.75)
     assert sigma == pytest.approx(0.15 / np.sqrt(0.75))
 
 
 def test_an_error_that_nothing_tells_of_is_said_to_be_untold() -> None:
-    told = Calibration("range bias", "m", 0.55, 0.08, 0.3)
+    told = Calibration("range bias", "m", 0.55, 0.08, 0.3, 0.3)
     assert str(told) == "range bias: 0.59 m, sigma 0.08"
-    assert str(Calibration("azimuth offset of a", "rad", 0.0, 0.05, 0.05)).endswith("not told by the measurements")
+    assert str(Calibration("azimuth offset of a", "rad", 0.0, 0.05, 0.05, 0.05)).endswith(
+        "not told by the measurements"
+    )

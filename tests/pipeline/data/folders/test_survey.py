@@ -91,3 +91,9 @@ def test_bags_are_parts_of_one_recording_by_name_and_time(
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere is no folder"):
         survey(tmp_path / "nowhere")
+
+
+def test_a_file_that_cannot_be_read_is_listed_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "memory.csv").symlink_to("/proc/self/mem")  # opens, and fails to read
+    (found,) = survey(tmp_path)
+    assert (found.kind, found.holds) == ("unknown", "cannot be read: Input/output error")

@@ -8,8 +8,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.shared.joint_covariance import JointCovariance
-from wiclosure.wiclosure_filter.shared.square_root import SquareRoot
+from wiclosure.wiclosure_filter.covariance.joint_covariance import JointCovariance
+from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 
 CHAINS = (9, 7, 3)
 FIRST = np.cumsum([0, *CHAINS])

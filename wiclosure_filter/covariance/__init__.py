@@ -1,0 +1,1 @@
+"""Covariances of a large pose graph, where they are asked for."""

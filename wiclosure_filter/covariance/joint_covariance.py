@@ -1,0 +1,114 @@
+"""Joint covariance of a pose graph of many robots, from the sparse square root of its information.
+
+Nothing of the size of all poses squared is formed: the rows of a robot are computed when they are asked for, and those
+of the last robots are kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure.types import FloatArray, IntArray
+from wiclosure.wiclosure_filter.covariance.recent import Recent
+from wiclosure.wiclosure_filter.covariance.square_root import MOST_BYTES, SquareRoot
+
+
+@dataclass(frozen=True, eq=False)
+class JointCovariance:
+    """Covariances of K poses of R robots, rotation first.
+
+    Args:
+        root: of the information of all poses, each in its own axes.
+        first: `(R + 1,)` number of the first pose of each robot, and K.
+        turn: `(K, 3, 3)` from each pose's own axes into those that the covariances are wanted in.
+    """
+
+    root: SquareRoot
+    first: IntArray
+    turn: FloatArray
+    _kept: Recent[Rows] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
+
+    def of_pairs(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Covariances `(M, 6, 6)` of poses n of one robot, of these with poses m of another, and of the latter."""
+        if len(n) == 0:
+            return np.zeros((0, 6, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, 6))
+        (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
+        cross = self._rows(rows).cross(self._rows(columns))
+        return self._alone(n), cross[of_n, of_m], self._alone(m)
+
+    def about(self, robot: int, one: int) -> tuple[FloatArray, FloatArray]:
+        """Covariances `(n, 6, 6)` of all poses of a robot, and of these with one of them."""
+        poses = np.arange(self.first[robot], self.first[robot + 1])
+        turn = self._turn(poses)
+        return self._alone(poses), turn @ self.root.with_one(poses, int(poses[one])) @ turn[one].T
+
+    def positions(self, robot: int, dimensions: int) -> Rows:
+        """What the positions of all poses of a robot depend on, horizontal ones or in space."""
+        key = robot, dimensions
+        if key not in self._kept:
+            poses = np.arange(self.first[robot], self.first[robot + 1])
+            rows = self._asked(poses, self._turn(poses)[:, 3 : 3 + dimensions])
+            self._kept.add(key, rows, rows.values.nbytes)
+        self._kept.forget([key])
+        return self._kept[key]
+
+    def _rows(self, poses: IntArray) -> Rows:
+        return self._asked(poses, self._turn(poses))
+
+    def _asked(self, poses: IntArray, parts: FloatArray) -> Rows:
+        values, cliques = self.root.rows(poses, parts)
+        own = parts @ self._own[poses] @ np.swapaxes(parts, 1, 2)
+        return Rows(values, cliques, 6 * self.root.lengths(cliques), own)
+
+    def _alone(self, poses: IntArray) -> FloatArray:
+        turn = self._turn(poses)
+        return np.asarray(turn @ self._own[poses] @ np.swapaxes(turn, 1, 2))
+
+    @cached_property
+    def _own(self) -> FloatArray:
+        return self.root.chains()[0]
+
+    def _turn(self, poses: IntArray) -> FloatArray:
+        turn = np.zeros((len(poses), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = self.turn[poses]
+        return turn
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What n poses of a robot, or d parts of each, depend on, as independent numbers of one standard deviation.
+
+    Args:
+        values: `(C, n, d)` of the root's inverse.
+        cliques: `(c,)` which of its columns, increasing.
+        lengths: `(c,)` how many columns each of them is.
+        own: `(n, d, d)` covariance of each pose.
+    """
+
+    values: FloatArray
+    cliques: IntArray
+    lengths: IntArray
+    own: FloatArray
+
+    def only(self, poses: slice) -> Rows:
+        """Those of some of the poses."""
+        return Rows(self.values[:, poses], self.cliques, self.lengths, self.own[poses])
+
+    def displacements(self, other: Rows) -> FloatArray:
+        """Covariance `(n, m, d, d)` of the difference of positions, for poses of two robots in common axes."""
+        cross = self.cross(other)
+        return np.asarray(self.own[:, None] + other.own[None, :] - cross - np.swapaxes(cross, 2, 3))
+
+    def cross(self, other: Rows) -> FloatArray:
+        """Covariance `(n, m, d, d)` between two robots' poses."""
+        product = self._at(other.cliques).T @ other._at(self.cliques)
+        (_, n, d), (_, m, e) = self.values.shape, other.values.shape
+        return np.asarray(product.reshape(n, d, m, e).swapaxes(1, 2))
+
+    def _at(self, cliques: IntArray) -> FloatArray:
+        """Values `(c, n d)` of some of the cliques, where they are there."""
+        there = np.repeat(np.isin(self.cliques, cliques, assume_unique=True), self.lengths)
+        return self.values[there].reshape(int(there.sum()), -1)

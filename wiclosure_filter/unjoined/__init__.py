@@ -1,0 +1,1 @@
+"""Robots that nothing joins for certain: what the radio still rules out."""
