@@ -83,9 +83,7 @@ class JointEstimate:
 
     def _of_middles(self, robot_a: str, robot_b: str) -> FloatArray:
         """`(12, 12)` covariance of the middle nodes of two robots, in the shared axes."""
-        middles = (np.array([self.first[robot] + self.reach[robot].middle]) for robot in (robot_a, robot_b))
-        own_a, cross, own_b = self.covariance.of_pairs(*middles)
-        return np.block([[own_a[0], cross[0]], [cross[0].T, own_b[0]]])
+        return self.covariance.of_two(*(self.first[robot] + self.reach[robot].middle for robot in (robot_a, robot_b)))
 
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """See `SharedEstimate`."""
