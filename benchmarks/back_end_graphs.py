@@ -16,11 +16,13 @@ import numpy as np
 from graphs import (
     FILES,
     HELD_OUT,
+    LARGE,
     MADE,
     CutTeam,
     Graph,
     far_loops,
     look_alike_loops,
+    own_loops,
     random_loops,
     random_pose,
     read,
@@ -202,14 +204,32 @@ def many(arguments: argparse.Namespace) -> None:
     for robots, poses, closures in ((16, 200, 960), (100, 500, 20_000)):
         of = team(town(arguments.first_seed, robots, poses, int(0.8 * closures)), arguments.first_seed, 0.2)
         found = solved(of.odometry, of.closures)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(
             f"{robots} robots, {robots * poses} poses, {len(of.closures)} closures, 20 % false:"
             f" {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components (true closures make"
             f" {_joinable(of)}),"
-            f" {found.seconds:.1f} s (goal {3 if robots == 16 else 60} s), {peak:.1f} GB (goal 4)",
+            f" {found.seconds:.1f} s (goal {3 if robots == 16 else 60} s), {_peak_gb():.1f} GB (goal 4)",
             flush=True,
         )
+
+
+def large(arguments: argparse.Namespace) -> None:
+    """Graphs of thousands of poses and loops: half of all loops false, between robots or within them."""
+    kinds: dict[str, Callable[..., list[Closure]]] = {"between robots": random_loops, "within robots": own_loops}
+    for name, (make, robots) in LARGE.items():
+        for kind, false in kinds.items():
+            of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
+            found = solved(of.odometry, of.closures)
+            print(
+                f"large {name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of"
+                f" them false, {kind}: {_shares(_counts(found.kept, of.true))},"
+                f" {len(found.result.components)} components, {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
+                flush=True,
+            )
+
+
+def _peak_gb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
 # --------------------------------------------------------------------------------------------------- two robots, or few
@@ -433,4 +453,5 @@ ROWS: dict[str, Callable[[argparse.Namespace], None]] = {
     "cycle": cycle,
     "short": short,
     "many": many,
+    "large": large,
 }
