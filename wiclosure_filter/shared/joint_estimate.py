@@ -235,8 +235,15 @@ def estimate(
     # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
     scale = 1.0
     for _ in range(MOST_RESCALINGS):
-        before, root = scale, SquareRoot.of(factors.graph.linearize(values))
-        scale = drift_scale(as_modelled, factors.steps, values, root, robots=len(nodes), prior_weight=drift_weight)
+        before = scale
+        scale = drift_scale(
+            as_modelled,
+            factors.steps,
+            values,
+            SquareRoot.of(factors.graph.linearize(values)),  # given up at once: of a large team there is room for one
+            robots=len(nodes),
+            prior_weight=drift_weight,
+        )
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
         factors = replace(factors, steps=step_factors(scaled, first))
         values = _optimum(factors, values)
