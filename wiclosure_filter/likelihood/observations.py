@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -106,7 +107,7 @@ class Observations:
         a, b = (np.linalg.norm(np.ptp(p[:, :2], axis=0)) for p in (self.a, self.b))
         return float(a), float(b)
 
-    @property
+    @cached_property
     def typical_distance_m(self) -> float:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]
@@ -117,7 +118,7 @@ class Observations:
         """`(M,)` distance of the antennas, measured or borrowed, or a usual one where nothing was ranged."""
         return np.where(np.isfinite(self.near_range_m), self.near_range_m, UNKNOWN_DISTANCE_M)
 
-    @property
+    @cached_property
     def tells_height(self) -> bool:
         """True where elevations were measured, or ranges between robots that go up and down."""
         elevated = (~self.flat & (self.weight > 0)).any()
@@ -170,8 +171,8 @@ def _widened(values: np.ndarray, paths: int, filling: float) -> np.ndarray:
     return np.concatenate([values, np.full_like(values, filling, shape=more)], axis=1)
 
 
-def independence(links: Links, radius_m: float) -> FloatArray:
-    """Weight `(M,)` of each measurement: one over how many of its kind were taken in the same place.
+def independence(links: Links, radius_m: float, part: IntArray | None = None) -> FloatArray:
+    """Weight `(M,)` of each measurement: one over how many of its kind, and of its `part (M,)`, are of the same place.
 
     Where robots stand still, every measurement sees the same reflections: a hundred of them prove no more than one
     that the path which they share is the direct one.
@@ -179,7 +180,8 @@ def independence(links: Links, radius_m: float) -> FloatArray:
     if radius_m <= 0 or len(links) == 0:
         return np.ones(len(links))
     places = np.concatenate([links.antenna_a - links.antenna_a[0], links.antenna_b - links.antenna_b[0]], axis=1)
-    kind = np.column_stack([links.a_receives, links.has_range, links.has_bearing])
+    of_part = np.zeros(len(links), np.int64) if part is None else part
+    kind = np.column_stack([links.a_receives, links.has_range, links.has_bearing, of_part])
     cell = np.column_stack([np.floor(places / radius_m + 0.5), kind])
     _, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / count[group.reshape(-1)])
