@@ -204,6 +204,8 @@ def _new_measurements(graph: NamedGraph, odometry: Sequence[int]) -> Iterator[in
 
 def _same_measurement(graph: NamedGraph, row: int, other: int) -> bool:
     """Whether two edges between the same poses say the same, one of them perhaps the other way round."""
+    if graph.edges[row].defect or graph.edges[other].defect:  # no numbers to compare
+        return False
     turned = graph.ends[row] != graph.ends[other]
     T_row, T_other = graph.edges[row].T_first_second, graph.edges[other].T_first_second
     digits = WRITTEN * (10.0 + np.abs(T_other[:3, 3]).max())
