@@ -103,16 +103,39 @@ def closure(
 def random_loops(
     graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int, reach: float = 1.0
 ) -> list[Closure]:
-    """Between any two robots; of any rotation, and as far as true closures reach or further."""
+    """Between any two robots; of any rotation, and as far as true closures reach or further; flat in a flat graph."""
+    return _loops(graph, names, start, rng, count, reach, own=False)
+
+
+def own_loops(
+    graph: Graph, names: Sequence[str], start: IntArray, rng: np.random.Generator, count: int
+) -> list[Closure]:
+    """The same within robots."""
+    return _loops(graph, names, start, rng, count, 1.0, own=True)
+
+
+def _loops(
+    graph: Graph,
+    names: Sequence[str],
+    start: IntArray,
+    rng: np.random.Generator,
+    count: int,
+    reach: float,
+    *,
+    own: bool,
+) -> list[Closure]:
     loops = np.flatnonzero(~graph.is_odometry())
     length = float(np.linalg.norm(graph.T[loops, :3, 3], axis=1).mean()) * reach
+    flat = not np.abs(graph.T[:, 2, 3]).any()
     made: list[Closure] = []
     while len(made) < count:
         i, j = rng.integers(0, len(graph.robot), 2)
-        if graph.robot[i] == graph.robot[j]:
+        if (graph.robot[i] == graph.robot[j]) != own or (own and abs(i - j) < 2):
             continue
-        C = graph.covariance[rng.choice(loops)]
-        made.append(closure(names, graph, int(i), int(j), random_pose(rng, length), C, start))
+        C, T = graph.covariance[rng.choice(loops)], random_pose(rng, length)
+        if flat:
+            T = se3.from_yaw(rng.uniform(-np.pi, np.pi), T[:3, 3] * [1.0, 1.0, 0.0])
+        made.append(closure(names, graph, int(i), int(j), T, C, start))
     return made
 
 
@@ -324,9 +347,7 @@ def grid(seed: int, sigma: tuple[float, float] = (0.05, 0.1), side: int = 8) -> 
             lane = [(x, y if z % 2 == 0 else side - 1 - y, z) for x in range(side)]
             cells += lane if (y + z) % 2 == 0 else lane[::-1]
     positions = np.array(cells, float)
-    q = rng.normal(size=(len(positions), 4))
-    rotations = np.stack([gtsam.Rot3.Quaternion(*(v / np.linalg.norm(v))).matrix() for v in q])
-    truth = se3.from_rotation_translation(rotations, positions)
+    truth = positioned(positions, rng)
     loops = revisits(positions, 1.1, 2, 10**6, rng)
     return noisy(truth, rng.permutation(loops)[: len(loops) * 6 // 10], np.repeat(sigma, 3), rng)
 
@@ -365,6 +386,51 @@ def meadow(seed: int, sigma: tuple[float, float] = (0.03, 0.2), poses: int = 100
     return noisy(facing(positions), loops, np.repeat(sigma, 3), rng, np.repeat([0.005, 0.05], 3))
 
 
+def city(seed: int, poses: int = 10_000, loops: int = 10_009) -> Graph:
+    """A plane walked street by street, as in `city10000`: nothing leaves the plane, and all is stated for space."""
+    rng = np.random.default_rng(seed)
+    truth, at, heading = np.tile(np.eye(4), (poses, 1, 1)), np.zeros(2), 0
+    for n in range(poses):
+        truth[n] = se3.from_yaw(heading * np.pi / 2, np.array([*at, 0.0]))
+        turns = [0] if n % 5 else rng.permutation([0, 1, 3, 2])
+        ahead = (at + np.rint([np.cos(h * np.pi / 2), np.sin(h * np.pi / 2)]) for h in (heading + t for t in turns))
+        t, at = next((t, a) for t, a in zip(turns, ahead, strict=True) if np.abs(a).max() <= 50)
+        heading = (heading + t) % 4
+    graph = noisy(truth, revisits(truth[:, :3, 3], 2.1, 20, loops, rng), np.repeat([0.01, 0.05], 3), rng)
+    yaw, positions = se3.log(graph.T)[:, 2], graph.T[:, :3, 3] * [1.0, 1.0, 0.0]
+    return replace(graph, T=se3.from_yaw(yaw, positions))
+
+
+def cubicle(seed: int, poses: int = 4_000, loops: int = 9_002, side: int = 12) -> Graph:
+    """A lattice in a cube walked at random, rotations of any kind: many loops for each pose."""
+    rng = np.random.default_rng(seed)
+    positions, ways = np.zeros((poses, 3)), np.concatenate([np.eye(3), -np.eye(3)])
+    for n in range(1, poses):
+        allowed = [way for way in ways if np.abs(positions[n - 1] + way - side / 2).max() <= side / 2]
+        positions[n] = positions[n - 1] + allowed[rng.integers(len(allowed))]
+    truth = positioned(positions, rng)
+    return noisy(truth, revisits(positions, 1.5, 2, loops, rng), np.repeat([0.05, 0.1], 3), rng)
+
+
+def torus(seed: int, rings: int = 50, around: int = 100, loops: int = 4_051) -> Graph:
+    """Rings about a torus, most poses joined to the ring before."""
+    rng = np.random.default_rng(seed)
+    n = np.arange(rings * around)
+    along, about = 2 * np.pi * n / (rings * around), 2 * np.pi * n / around
+    positions = 10.0 * np.stack([np.cos(along), np.sin(along), np.zeros(len(n))], axis=1)
+    positions *= (1.0 + 0.4 * np.cos(about))[:, None]
+    positions[:, 2] = 4.0 * np.sin(about)
+    ends = rng.permutation(np.stack([n[:-around], n[around:]], axis=1))[:loops]
+    return noisy(facing(positions), ends, np.repeat([0.02, 0.05], 3), rng)
+
+
+def positioned(positions: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Poses at these places, of any rotation."""
+    q = rng.normal(size=(len(positions), 4))
+    rotations = np.stack([gtsam.Rot3.Quaternion(*(v / np.linalg.norm(v))).matrix() for v in q])
+    return se3.from_rotation_translation(rotations, positions)
+
+
 def town(seed: int, robots: int, poses: int, loops: int) -> Graph:
     """Many robots in one town of blocks of 20 m, each from a crossing of its own."""
     rng, paths = np.random.default_rng(seed), []
@@ -388,6 +454,13 @@ def town(seed: int, robots: int, poses: int, loops: int) -> Graph:
 MADE: dict[str, Callable[[int], Graph]] = {"lawn": lawn_mower, "streets": streets, "grid": grid, "sphere": sphere}
 HELD_OUT: dict[str, Callable[[int], Graph]] = {"garage": garage, "meadow": meadow}
 """Kinds of graphs that the back end was not built with."""
+
+LARGE: dict[str, tuple[Callable[[int], Graph], int]] = {
+    "city": (city, 10),
+    "cubicle": (cubicle, 3),
+    "torus": (torus, 3),
+}
+"""Graphs of thousands of poses and loops, and in how many robots they are cut."""
 
 FILES = (
     "standard/tinyGrid3D.g2o",

@@ -23,6 +23,7 @@ from wiclosure.backends.factor_graph.factors import (
     closure_factors,
     least_squares,
     odometry_factors,
+    ordering,
     values_of,
     with_factors,
 )
@@ -150,7 +151,7 @@ def _joint(
     start = _reset_unconnected(measured.trajectories, kept.groups, poses)
     ground, start = Ground.under(kept.groups, start, earth)
     graph = _final_graph(kept, start, ground)
-    values = least_squares(graph, values_of(start))
+    values = least_squares(graph, values_of(start), ordering(graph))
     return _Estimate(masks, _poses(values, measured.trajectories), ground.diagnosis, (graph, values), ground)
 
 

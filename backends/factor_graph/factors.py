@@ -144,7 +144,7 @@ def with_factors(
 
 
 def least_squares(
-    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, ordering: gtsam.Ordering | None = None
+    graph: gtsam.NonlinearFactorGraph, initial: gtsam.Values, order: gtsam.Ordering | None = None
 ) -> gtsam.Values:
     """Least squares by Levenberg-Marquardt.
 
@@ -152,12 +152,12 @@ def least_squares(
         RuntimeError: the system is indeterminate or has no finite solution.
     """
     parameters = gtsam.LevenbergMarquardtParams()
-    if ordering is not None:
-        parameters.setOrdering(ordering)
+    if order is not None:
+        parameters.setOrdering(order)
     return gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters).optimize()
 
 
-def _ordering(graph: gtsam.NonlinearFactorGraph) -> gtsam.Ordering:
+def ordering(graph: gtsam.NonlinearFactorGraph) -> gtsam.Ordering:
     """One for many solutions, which pays for the search."""
     keys = (graph.at(n).keys() for n in range(graph.size()))
     joined = {key for of_factor in keys if len(of_factor) > 1 for key in of_factor}
@@ -207,8 +207,8 @@ def _by_graduated_non_convexity(
     in seven it ended with every closure switched off.
     """
     everything = with_factors(known, candidates)
-    ordering = _ordering(everything)
-    estimate = least_squares(everything, initial, ordering)
+    order = ordering(everything)
+    estimate = least_squares(everything, initial, order)
     chi_square = _chi_squares(candidates, estimate)
     mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
     for _ in range(GNC_STEPS):
@@ -216,9 +216,9 @@ def _by_graduated_non_convexity(
         if np.isin(weights, (0.0, 1.0)).all():
             break
         graph = with_factors(known, _weighted(candidates, weights))
-        stepped = estimate.retract(graph.linearize(estimate).optimize(ordering))
+        stepped = estimate.retract(graph.linearize(estimate).optimize(order))
         settled = _moved(chi_square, _chi_squares(candidates, stepped), limit) < GNC_SETTLED
-        estimate = stepped if settled else least_squares(graph, estimate, ordering)
+        estimate = stepped if settled else least_squares(graph, estimate, order)
         chi_square = _chi_squares(candidates, estimate)
         mu *= GNC_FACTOR_SETTLED if settled else GNC_FACTOR
     return weights > 0.5, estimate

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import gtsam
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
 
+from wiclosure.backends.least_squares.cholesky import Cholesky, Pattern
+from wiclosure.backends.least_squares.fronts import fronts_of
 from wiclosure.types import FloatArray, IntArray
 
 HELD = 1e12  # information of a pose that is held
 LEAST_INFORMATION = 1e-9  # of any other: the matrix stays regular where nothing fixes the gauge
+LEAST_DAMPING = 1e-14  # where rounding leaves a matrix that is not positive
 
 
 @dataclass(frozen=True, eq=False)
 class Factorised:
     """A normal matrix, factorised: solves for any right-hand side."""
 
-    of: SuperLU
+    of: Cholesky
     position: IntArray
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -35,33 +35,23 @@ class NormalMatrix:
     """The pattern of the normal matrix of edges `(M,)` between N nodes.
 
     Args:
-        position: `(N,)` place of each node in the order of elimination: nested dissection, by METIS.
-        order: `(4 M,)` of the edges' blocks by column and row of the ordered matrix.
-        starts: in that order, where the blocks of one place begin.
-        indices, pointers: of the compressed rows.
-        ends: `(N, M)` matrices, one at each edge's first and at its second node.
+        first, second: `(M,)` nodes.
+        position: `(N,)` place of each node in the order of elimination.
+        pattern: of the ordered matrix.
     """
 
+    first: IntArray
+    second: IntArray
     position: IntArray
-    order: IntArray
-    starts: IntArray
-    indices: IntArray
-    pointers: IntArray
-    ends: tuple[sp.csr_matrix, sp.csr_matrix]
+    pattern: Pattern
 
     @classmethod
     def of(cls, first: IntArray, second: IntArray, size: int) -> NormalMatrix:
         """Of edges between the nodes `first` and `second` of `size`."""
-        position = elimination_positions(first, second, size)
-        i, j = position[first], position[second]
-        rows, columns = np.concatenate([i, i, j, j]), np.concatenate([i, j, i, j])
-        order = np.argsort(rows * size + columns, kind="stable")
-        places = (rows * size + columns)[order]
-        starts = np.flatnonzero(np.diff(places, prepend=-1))
-        pointers = np.searchsorted(places[starts] // size, np.arange(size + 1))
-        count = len(first)
-        ends = [sp.csr_matrix((np.ones(count), (of, np.arange(count))), shape=(size, count)) for of in (first, second)]
-        return cls(position, order, starts, places[starts] % size, pointers, (ends[0], ends[1]))
+        position, fronts = fronts_of(first, second, size)
+        i, j, nodes = position[first], position[second], np.arange(size)
+        rows, columns = np.concatenate([i, j, np.minimum(i, j), nodes]), np.concatenate([i, j, np.maximum(i, j), nodes])
+        return cls(first, second, position, Pattern.of(fronts, rows, columns, size))
 
     def factorised(
         self, A: FloatArray, B: FloatArray, weights: FloatArray, held: IntArray, damping: float
@@ -76,40 +66,19 @@ class NormalMatrix:
             damping: share of the diagonal that is added to it.
         """
         At, Bt = (np.swapaxes(weights[:, None, None] * J, 1, 2) for J in (A, B))
+        by_first, by_second, between = At @ A, Bt @ B, At @ B
+        turned = self.position[self.first] > self.position[self.second]
+        between[turned] = np.swapaxes(between[turned], 1, 2)
         size, width = len(self.position), A.shape[-1]
-        shape = (width * size, width * size)
-        if len(self.order):
-            blocks = np.concatenate([At @ A, At @ B, Bt @ A, Bt @ B])[self.order]
-            summed = np.add.reduceat(blocks, self.starts, axis=0)
-            H = sp.bsr_matrix((summed, self.indices, self.pointers), shape=shape).tocsc()
-        else:
-            H = sp.csc_matrix(shape)
-        added = np.full((size, width), LEAST_INFORMATION)
-        added[self.position[held]] = HELD
-        H = H + sp.diags(added.ravel() + damping * H.diagonal())
-        of = splu(H.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return Factorised(of, self.position)
-
-    def gathered(self, at_first: FloatArray, at_second: FloatArray) -> FloatArray:
-        """Sums `(N, K, ...)` at the nodes of what the edges `(M, K, ...)` have at either end."""
-        count, *shape = at_first.shape
-        width = int(np.prod(shape))
-        summed = sum(of @ at.reshape(count, width) for of, at in zip(self.ends, (at_first, at_second), strict=True))
-        return np.asarray(summed).reshape(-1, *shape)
-
-
-def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntArray:
-    """`(N,)` place of each node in an order of elimination that leaves the factors sparse."""
-    position = np.full(size, -1)
-    graph = gtsam.SymbolicFactorGraph()
-    for i, j in np.unique(np.stack([first, second], axis=1), axis=0).tolist():
-        graph.push_factor(i, j)
-    if graph.size():
-        ordering = gtsam.Ordering.MetisSymbolicFactorGraph(graph)
-        if not ordering.size():  # now and then METIS fails, on dense graphs, and gives nothing
-            ordering = gtsam.Ordering.ColamdSymbolicFactorGraph(graph)
-        eliminated = np.array([ordering.at(n) for n in range(ordering.size())])
-        position[eliminated] = np.arange(len(eliminated))
-    alone = np.flatnonzero(position < 0)
-    position[alone] = size - len(alone) + np.arange(len(alone))
-    return position
+        diagonal = np.zeros((size, width))
+        for nodes, of_edges in ((self.first, by_first), (self.second, by_second)):
+            np.add.at(diagonal, nodes, np.diagonal(of_edges, axis1=1, axis2=2))
+        least = np.full((size, width), LEAST_INFORMATION)
+        least[held] = HELD
+        while True:
+            added = np.zeros((size, width, width))
+            added[self.position[:, None], np.arange(width), np.arange(width)] = least + damping * diagonal
+            of = self.pattern.factorised(np.concatenate([by_first, by_second, between, added]))
+            if of is not None:
+                return Factorised(of, self.position)
+            damping = max(10.0 * damping, LEAST_DAMPING)

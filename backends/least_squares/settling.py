@@ -163,11 +163,11 @@ def settle(
     system = System.of(odometry + loops.subset(rows), poses, held)
     noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
-    degrees = degrees_of_freedom(odometry.T, loops.T)
+    degrees, converged = degrees_of_freedom(odometry.T, loops.T), False
     for step in range(CHECK_ROUNDS):
         used, last = np.concatenate([np.ones(count, bool), kept]), step == CHECK_ROUNDS - 1
         part = system.subset(used)
-        start = cheaper_start(part, poses)
+        start = poses if converged else cheaper_start(part, poses)
         descent = part.descent(start, np.ones(len(part.edges)), STEPS if last else FEW_STEPS)
         if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
             at_start = _Check.of(system, start, part.spread(Descent(start, False), noise[used]), noise)
@@ -183,7 +183,7 @@ def settle(
         if last or not (drop.any() or admit.any()):
             break
         locked += drop
-        kept = (kept & ~drop) | admit
+        kept, converged = (kept & ~drop) | admit, not drop.any()  # what bent the estimate may have led it astray
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
     found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
     used = np.concatenate([np.ones(count, bool), kept])

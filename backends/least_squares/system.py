@@ -5,10 +5,12 @@ Everything here is vectorised over the edges; the sparse normal equations are so
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom
@@ -19,6 +21,7 @@ STEPS = 150  # of Levenberg-Marquardt, those taken back included
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 LEAST_DAMPED = 1e-6
 MOST_DAMPED = 1e8
+FAST = 0.1  # share of the decrease by one step, up to which that of the next tells that the same factors still serve
 AS_PREDICTED = 0.5  # share of the decrease that the linearised cost predicts, from which steps are damped less
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 IN_PLANE = np.array([2, 3, 4])  # yaw, x and y of a tangent vector
@@ -97,9 +100,13 @@ class System:
 
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
         """`J^T r` `(N, K, ...)` for weighted residuals `(M, K, ...)`."""
-        columns = residuals if residuals.ndim == 3 else residuals[..., None]
-        at_first, at_second = (np.swapaxes(J, 1, 2) @ columns for J in jacobians)
-        return self.normal.gathered(at_first, at_second).reshape(self.size, *residuals.shape[1:])
+        count, width, *columns = residuals.shape
+        nodes = np.stack([self.edges.first, self.edges.second], axis=1)
+        held = (width * nodes[:, None, :, None] + np.arange(width)).repeat(width, axis=1)
+        entries, rows = np.concatenate(jacobians, axis=2).ravel(), 2 * width * np.arange(count * width + 1)
+        J = sp.csr_array((entries, held.ravel(), rows), shape=(count * width, self.size * width))
+        summed = J.T @ residuals.reshape(count * width, math.prod(columns))
+        return np.asarray(summed).reshape(self.size, width, *columns)
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
         """Levenberg-Marquardt from the poses `(N, 4, 4)`.
@@ -130,37 +137,80 @@ class System:
         return tangents
 
     def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
-        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`."""
-        damping, cost = 0.0, float(w @ self.chi_squares(poses))
-        J, residuals = self.jacobians(poses), self.residuals(poses)
-        gradient = self.gradient(J, w[:, None] * residuals)
+        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`; `steps` factorisations at most."""
+        damping, at = 0.0, self._linearised(poses, w)
         for _ in range(steps):
-            factorised = self.normal.factorised(*J, w, self.held, damping)
-            step = factorised.solve(-gradient)
-            moved = poses @ se3.exp(self._tangents(step))
-            decrease = cost - float(w @ self.chi_squares(moved))
+            factorised = self.normal.factorised(*at.jacobians, w, self.held, damping)
+            step = factorised.solve(-at.gradient)
+            moved = self._moved(at, step, w)
+            decrease = at.cost - moved.cost
             if not decrease >= 0:
                 damping = max(10.0 * damping, LEAST_DAMPED)
                 if damping > MOST_DAMPED:
-                    return Descent(poses, True)
+                    return Descent(at.poses, True)
                 continue
-            last = (J, factorised) if damping == 0.0 else None
-            if decrease >= AS_PREDICTED * (cost - float(w @ self._linearised(J, residuals, step))):
+            last = (at.jacobians, factorised) if damping == 0.0 else None
+            if decrease >= AS_PREDICTED * (at.cost - float(w @ self._predicted(at, step))):
                 damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
-            poses, cost = moved, cost - decrease
-            if decrease <= CONVERGED * (cost + 1e-9):
-                return Descent(poses, True, last)
-            J, residuals = self.jacobians(poses), self.residuals(poses)
-            gradient = self.gradient(J, w[:, None] * residuals)
-        return Descent(poses, False)
+            if last:
+                moved, decrease = self._again(moved, decrease, factorised, w)
+            at = moved
+            if decrease <= CONVERGED * (at.cost + 1e-9):
+                return Descent(at.poses, True, last)
+        return Descent(at.poses, False)
 
-    def _linearised(
-        self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray, step: FloatArray
-    ) -> FloatArray:
+    def _again(
+        self, at: _Linearised, decrease: float, factorised: Factorised, w: FloatArray
+    ) -> tuple[_Linearised, float]:
+        """More steps with the same factors, as long as each lowers the cost by a small part of what the last one did.
+
+        Derivatives by the bodies at both ends of an edge change with their relative pose alone, so little once it is
+        about as measured.
+
+        Returns:
+            Where they end, and the decrease by the last.
+        """
+        while decrease > CONVERGED * (at.cost + 1e-9):
+            moved = self._moved(at, factorised.solve(-at.gradient), w)
+            if not moved.cost <= at.cost:
+                return at, decrease
+            before, decrease, at = decrease, at.cost - moved.cost, moved
+            if decrease > FAST * before:
+                break
+        return at, decrease
+
+    def _moved(self, at: _Linearised, step: FloatArray, w: FloatArray) -> _Linearised:
+        return self._linearised(at.poses @ se3.exp(self._tangents(step)), w)
+
+    def _linearised(self, poses: FloatArray, w: FloatArray) -> _Linearised:
+        jacobians, residuals = self.jacobians(poses), self.residuals(poses)
+        gradient = self.gradient(jacobians, w[:, None] * residuals)
+        return _Linearised(poses, jacobians, residuals, gradient, float(w @ np.sum(residuals**2, axis=1)))
+
+    def _predicted(self, at: _Linearised, step: FloatArray) -> FloatArray:
         """Squared distances `(M,)` that the derivatives predict after a step `(N, K)`."""
-        A, B = jacobians
+        A, B = at.jacobians
         moved = A @ step[self.edges.first, :, None] + B @ step[self.edges.second, :, None]
-        return np.asarray(np.sum((residuals + moved[..., 0]) ** 2, axis=1))
+        return np.asarray(np.sum((at.residuals + moved[..., 0]) ** 2, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearised:
+    """A system at some poses.
+
+    Args:
+        poses: `(N, 4, 4)`.
+        jacobians: `(M, K, K)` by both ends.
+        residuals: `(M, K)`.
+        gradient: `(N, K)` of the weighted cost.
+        cost: weighted sum of squared residuals.
+    """
+
+    poses: FloatArray
+    jacobians: tuple[FloatArray, FloatArray]
+    residuals: FloatArray
+    gradient: FloatArray
+    cost: float
 
 
 def whiteners(covariance: FloatArray) -> FloatArray:

@@ -97,5 +97,5 @@ def write_occupancy(grid: OccupancyGrid, folder: Path) -> None:
         (folder / "occupancy.yaml").write_text(yaml, encoding="ascii")
     except OSError as error:
         raise OutputError(
-            f"cannot write {error.filename}: {error.strerror}; choose another folder with --out"
+            f"cannot write the occupancy grid in {folder}: {error.strerror}; choose another folder with --out"
         ) from error

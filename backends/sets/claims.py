@@ -48,8 +48,8 @@ class Claims:
 
     def recombined(self, rows: IntArray, others: IntArray) -> Claims:
         """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
-        of_row, of_other = self.subset(rows), self.subset(others)
-        return Claims(of_row.T_A_a, of_other.T_B_b, of_row.T_a_b, of_row.covariance, of_row.wander_a, of_other.wander_b)
+        measured = self.T_a_b[rows], self.covariance[rows]
+        return Claims(self.T_A_a[rows], self.T_B_b[others], *measured, self.wander_a[rows], self.wander_b[others])
 
     @cached_property
     def frames(self) -> FloatArray:

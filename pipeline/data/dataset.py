@@ -217,7 +217,17 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
         robots, logs, origin = _named_recordings(args), (), None
     if topic is not None:
         robots = {robot: replace(r, topic=topic) for robot, r in robots.items()}
+    _warn_of_repeated(robots)
     return Dataset(robots, (*logs, *wireless), origin)
+
+
+def _warn_of_repeated(robots: Mapping[str, RobotRecording]) -> None:
+    """A recording that stands twice by mistake would merge with itself."""
+    first: dict[tuple[Path, str | None], str] = {}
+    for robot, recording in robots.items():
+        other = first.setdefault((recording.scans.resolve(), recording.topic), robot)
+        if other != robot:
+            logger.warning("%s and %s have the same scans, %s; is that meant?", other, robot, recording.scans)
 
 
 def _dataset_file(argument: str) -> Path | None:

@@ -72,6 +72,10 @@ def write_dataset(path: Path | str, robots: Mapping[str, RobotRecording], wirele
 # ------------------------------------------------------------------------------------------------------------- reading
 def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     where = f"robot {robot}"
+    if isinstance(entry, str):
+        raise InputError(
+            f"{path}: {where} is {entry[:80]!r}; expected keys with values, as {robot}: {{scans: {entry[:80]}}}"
+        )
     keys = mapping(path, where, entry, known=tuple(ROBOT_KEYS))
     if keys.get("scans") is None:
         raise InputError(f'{path}: {where} has no "scans"; name its bag or folder')

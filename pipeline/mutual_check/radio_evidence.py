@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wiclosure import se3
-from wiclosure.pipeline.mutual_check.readings import Reading, readings
+from wiclosure.pipeline.mutual_check.readings import Apart, Reading, readings
 from wiclosure.types import Closure, FloatArray, Trajectory, WirelessLog, measured_poses
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -93,15 +93,21 @@ class PairRadio:
 
     def errors(self, closures: Sequence[Closure], *, search: bool = True) -> list[Explained]:
         """Every systematic error that the log may have, undone; see `Reading` for what is searched."""
-        return [self._explained(reading, closures, search=search) for reading in readings(*self.pair, self.log)]
+        tried = readings(*self.pair, self.log, apart=self._apart(closures))
+        return [self._explained(reading, closures, search=search) for reading in tried]
+
+    def _apart(self, closures: Sequence[Closure]) -> Apart:
+        middle = central(closures, self.trajectories)
+        T_query_match = measured_poses([middle])[0][0]
+        at_a, at_b = (self.trajectories[key.robot].poses[key.index] for key in (middle.query, middle.match))
+        return Apart.of(self._links(self.trajectories, self.log), at_a @ T_query_match @ se3.inverse(at_b))
 
     def _explained(self, reading: Reading, closures: Sequence[Closure], *, search: bool) -> Explained:
         inputs = [correction.apply((self.trajectories, self.log)) for correction in reading.corrections]
         searched = search and reading.changes_alignment
         implied, free, chosen = np.array([self._evidence(given, closures, search=searched) for given in inputs]).T
         best = int(np.argmax(np.maximum(implied, free)))
-        sizes = float(np.log(len(inputs)))
-        fault = reading.corrections[best].fault
+        fault, sizes = reading.corrections[best].fault, reading.log_sizes
         return Explained(fault, float(logsumexp(implied)) - sizes, float(free[best]), float(chosen[best]) + sizes)
 
     def _evidence(

@@ -1,7 +1,8 @@
 """Ways to read the log of two robots: with one systematic error undone, of a size that is known or is tried.
 
 The errors are those of `wiclosure.wiclosure_filter.faults`.  There, a correction must speak for itself; here closures
-tell where the robots are, so that errors of any size and parts of a log can be tried as well.
+tell where the robots are, so that errors of any size and parts of a log can be tried as well.  Sizes lie on a grid,
+all of it equally likely; near the usual size all are tried, further out those that most residuals share.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wiclosure.types import WirelessLog, WirelessMeasurement
+from wiclosure import se3
+from wiclosure.types import FloatArray, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.faults.corrections import (
     Correction,
@@ -21,10 +23,13 @@ from wiclosure.wiclosure_filter.faults.corrections import (
     ranges_off,
     sigmas_too_small,
 )
+from wiclosure.wiclosure_filter.faults.diagnosis import mode
+from wiclosure.wiclosure_filter.links.links import Links
 
 _CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)
-_BIASES_M = tuple(m for m in np.arange(-5.0, 5.5, 0.5).tolist() if m)
-_SCALES = tuple(s for s in np.round(np.arange(-0.16, 0.17, 0.02), 2).tolist() if s)
+_BIAS_STEP_M, _NEAR_BIAS_M = 0.5, 5.0
+_SCALE_STEP, _NEAR_SCALE, _LEAST_SCALE, _MOST_SCALE = 0.02, 0.16, 0.1, 10.0
+_AROUND = 2  # steps to either side of the size that most residuals share
 _TURNS_RAD = tuple(np.radians([d for d in range(-170, 180, 10) if d % 90]).tolist())  # quarters are errors of their own
 _LATE_S = tuple(s for s in np.arange(-5.0, 5.5, 0.5).tolist() if s)
 _SIGMA_FACTORS = (3.0, 10.0, 100.0)
@@ -39,30 +44,61 @@ class Reading:
         changes_alignment: whether the log, with it undone, may tell quite another alignment: that is searched for.
         sigmas: how large each size is beside the error that is usual; empty where no size is.
         widens: whether it widens standard deviations, for which no measurement must count for more.
+        sizes: how many sizes were as likely beforehand, those included that are not tried because nothing suggests
+            them; 0: as many as are tried.
     """
 
     corrections: tuple[Correction, ...]
     changes_alignment: bool = False
     sigmas: tuple[float, ...] = ()
     widens: bool = False
+    sizes: int = 0
+
+    @property
+    def log_sizes(self) -> float:
+        """What choosing one of the sizes costs: logarithm of their number."""
+        return float(np.log(self.sizes or len(self.corrections)))
 
 
-def readings(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPriors | None = None) -> list[Reading]:
-    """All errors that the log of two robots may have, sized by what is usual of each."""
-    usual = usual or CalibrationPriors()
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """How far apart antennas were: `range_m (M,)` as measured, `distance_m (M,)` by where closures have the robots."""
+
+    range_m: FloatArray
+    distance_m: FloatArray
+
+    @classmethod
+    def of(cls, links: Links, T_a_b: FloatArray) -> Apart:
+        """Of the measurements with a range, with the frame of b at `T_a_b (4, 4)` in that of a."""
+        distance_m = np.linalg.norm(se3.transform(T_a_b, links.antenna_b) - links.antenna_a, axis=1)
+        return cls(links.range_m[links.has_range], distance_m[links.has_range])
+
+    @classmethod
+    def unknown(cls) -> Apart:
+        """Where nothing tells how far apart they were."""
+        return cls(np.zeros(0), np.zeros(0))
+
+
+def readings(
+    robot_a: str,
+    robot_b: str,
+    log: WirelessLog,
+    usual: CalibrationPriors | None = None,
+    apart: Apart | None = None,
+) -> list[Reading]:
+    """All errors that the log of two robots may have, sized by what is usual of each, and by `apart`."""
+    usual, apart = usual or CalibrationPriors(), apart or Apart.unknown()
     # Wider standard deviations make neighbouring measurements count for more, which is no evidence.
     clocks = _sized(lambda seconds: clocks_apart(robot_b, seconds), _CLOCKS_S, usual.clock_s)
-    apart = {c.fault for c in (*clocks.corrections, *map(sigmas_too_small, _SIGMA_FACTORS))}
-    known = [c for c in corrections(robot_a, robot_b, log) if c.fault not in apart]
+    by_themselves = {c.fault for c in (*clocks.corrections, *map(sigmas_too_small, _SIGMA_FACTORS))}
+    known = [c for c in corrections(robot_a, robot_b, log) if c.fault not in by_themselves]
     found = [Reading((correction,), correction.of_log) for correction in known]
     found += [clocks, _sized(_stamps_late, _LATE_S, usual.clock_s)]
     ranged, directed = (any(has(m) for m in log.measurements) for has in (_has_range, _has_paths))
     if ranged:
-        found.append(_sized(ranges_off, _BIASES_M, usual.range_bias_m))
+        found.append(_ranges_off(apart, usual.range_bias_m))
         found += [Reading((_ranges_times(factor),), True) for factor in (0.5, 2.0)]
-        found.append(
-            _sized(lambda size: _ranges_scaled(1.0 + size), _SCALES, float(np.hypot(usual.range_scale, usual.scale)))
-        )
+        found.append(_ranges_scaled(apart, float(np.hypot(usual.range_scale, usual.scale))))
     if directed:
         found.append(_sized(azimuths_off, _TURNS_RAD, usual.mounting_rad))
     if ranged and directed:
@@ -70,14 +106,53 @@ def readings(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPri
     return found
 
 
-def readings_of_log(robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPriors) -> list[Reading]:
+def readings_of_log(
+    robot_a: str, robot_b: str, log: WirelessLog, usual: CalibrationPriors, apart: Apart
+) -> list[Reading]:
     """Errors of the log alone, also of its standard deviations: for where closures have fixed the trajectories."""
-    found = [r for r in readings(robot_a, robot_b, log, usual) if all(c.of_log for c in r.corrections)]
+    tried = [r for r in readings(robot_a, robot_b, log, usual, apart) if all(c.of_log for c in r.corrections)]
+    found = [Reading(_about(r.corrections[0])) if r.corrections[0].log_scale else r for r in tried]
     return [*found, *(Reading((sigmas_too_small(factor),), widens=True) for factor in _SIGMA_FACTORS)]
 
 
-def _sized(correction: Callable[[float], Correction], sizes: Sequence[float], usual: float) -> Reading:
-    return Reading(tuple(map(correction, sizes)), sigmas=tuple(size / usual for size in sizes))
+def _sized(
+    correction: Callable[[float], Correction], sizes: Sequence[float], usual: float, of_sizes: int = 0
+) -> Reading:
+    return Reading(tuple(map(correction, sizes)), sigmas=tuple(size / usual for size in sizes), sizes=of_sizes)
+
+
+def _ranges_off(apart: Apart, usual_m: float) -> Reading:
+    """By any size up to that of the longest range."""
+    most = max(float(np.max(apart.range_m, initial=0.0)), _NEAR_BIAS_M)
+    sizes = _proposed(apart.range_m - apart.distance_m, _BIAS_STEP_M, _NEAR_BIAS_M)
+    return _sized(ranges_off, sizes, usual_m, 2 * int(most / _BIAS_STEP_M))
+
+
+def _ranges_scaled(apart: Apart, usual: float) -> Reading:
+    """By any factor from a tenth to ten."""
+    there = apart.range_m > 0
+    factors = apart.distance_m[there] / apart.range_m[there]
+    sizes = _proposed(np.clip(factors, _LEAST_SCALE, _MOST_SCALE) - 1.0, _SCALE_STEP, _NEAR_SCALE)
+    return _sized(_scaled_by, sizes, usual, int((_MOST_SCALE - _LEAST_SCALE) / _SCALE_STEP))
+
+
+def _about(of_unit: Correction) -> tuple[Correction, ...]:
+    """Of a unit, with ranges a few percent off besides: a map is no more exact than that, and any factor is tried."""
+
+    def besides(size: float) -> Correction:
+        scaled = _scaled_by(size)
+        return replace(of_unit, apply=lambda inputs: scaled.apply(of_unit.apply(inputs)))
+
+    return tuple(besides(n * _SCALE_STEP) for n in range(-_AROUND, _AROUND + 1))
+
+
+def _proposed(residuals: FloatArray, step: float, near: float) -> tuple[float, ...]:
+    """Sizes on the grid of `step`: all up to `near`, and those about the one that most residuals share."""
+    steps = set(range(-round(near / step), round(near / step) + 1))
+    if len(residuals):
+        middle = round(float(mode(residuals, step)) / step)
+        steps |= set(range(middle - _AROUND, middle + _AROUND + 1))
+    return tuple(round(n * step, 9) for n in sorted(steps - {0}))
 
 
 def _has_range(m: WirelessMeasurement) -> bool:
@@ -110,14 +185,16 @@ def _stamps_late(seconds: float) -> Correction:
     return _each(f"the log's stamps seem to be about {abs(seconds):g} s {side} those of the scans", shifted)
 
 
-def _ranges_scaled(factor: float) -> Correction:
+def _scaled_by(size: float) -> Correction:
+    factor = 1.0 + size
     side = "long" if factor < 1 else "short"
     return _ranges_by(f"ranges are about {abs(100 / factor - 100):.0f} % too {side} for the odometry", factor)
 
 
 def _ranges_times(factor: float) -> Correction:
     size = "twice" if factor < 1 else "half"
-    return _ranges_by(f"ranges are {size} the distance, as if time of flight were taken for the wrong way", factor)
+    fault = f"ranges are {size} the distance, as if time of flight were taken for the wrong way"
+    return replace(_ranges_by(fault, factor), log_scale=float(np.log(factor)))
 
 
 def _ranges_by(fault: str, factor: float) -> Correction:

@@ -28,9 +28,10 @@ class StageLines:
         """A line for each robot."""
         for robot, front in fronts.items():
             length_m = front.odometry.distance[-1]
+            keyframes = f"{len(front.keyframes):,} keyframe{'' if len(front.keyframes) == 1 else 's'}"
             self._say(
-                f"odometry of {robot}: {len(front.odometry):,} of {front.counts.scans:,} scans,"
-                f" {len(front.keyframes):,} keyframes, {length_m:,.1f} m"
+                f"odometry of {robot}: {len(front.odometry):,} of {front.counts.scans:,} scans, {keyframes},"
+                f" {length_m:,.1f} m"
             )
 
     def candidates(self, filtered: FilterResult) -> None:

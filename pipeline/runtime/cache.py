@@ -24,6 +24,7 @@ from typing import TypeVar
 
 from wiclosure.errors import ConfigError, OutputError
 from wiclosure.pipeline.runtime.output import whole_file
+from wiclosure.pipeline.runtime.paths import is_file
 
 logger = logging.getLogger(__name__)
 
@@ -39,8 +40,14 @@ _LIBRARIES = ("kiss-icp", "kiss-matcher", "small-gicp", "numpy", "rosbags", "ope
 
 
 def default_cache_folder() -> Path:
-    """`WICLOSURE_CACHE`, or `wiclosure` in the user's cache folder."""
+    """`WICLOSURE_CACHE`, or `wiclosure` in the user's cache folder.
+
+    Raises:
+        ConfigError: the former is a file.
+    """
     named = os.environ.get("WICLOSURE_CACHE")
+    if named and is_file(Path(named)):
+        raise ConfigError(f"WICLOSURE_CACHE is {named}, a file; name a folder, or leave the cache out with --no-cache")
     if named:
         return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wiclosure"

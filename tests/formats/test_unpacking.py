@@ -53,7 +53,7 @@ def test_a_cut_frame_gives_its_beginning(compression: Compression, share: float)
 @every
 def test_more_than_expected_is_refused_and_takes_no_memory(compression: Compression) -> None:
     piece = PACKERS[compression](bytes(2**24))
-    bomb = piece * (2**29 // 2**24)
+    bomb = piece * (2**29 // 2**24)  # twice what is taken
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(UnpackError, match="unpack to more than 256 MB"):
         unpack(bomb, compression)

@@ -77,7 +77,7 @@ def fuzz(kinds: list[str], count: int, seed: int, scratch: Path) -> None:
 
 
 def test_a_few_of_each(tmp_path: Path) -> None:
-    fuzz(TEXTS + BINARIES, 20, SEED, tmp_path)
+    fuzz(TEXTS + BINARIES, 10, SEED, tmp_path)
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def assess(
         weighed.by_chance(weighed.log_mass(best, covariance)),
     ]
     reasons = [objection for objection in objections if objection]
-    reason = reasons[0] if reasons else _support(explanation, mixture)
+    reason = reasons[0] if reasons else support(explanation, mixture)
     alternatives = weighed.likely_alternatives(best) if contested and not little else ()
     log_volume = weighed.evidence - peaks.log_posterior + 2 * np.log(2 * np.pi) - weighed.log_searched
     return Selection(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
@@ -217,7 +217,8 @@ class _WeighedPeaks:
         return ()
 
 
-def _support(explanation: Explanation, mixture: Mixture) -> str:
+def support(explanation: Explanation, mixture: Mixture) -> str:
+    """How many measurements agree with the alignment that explains them so, as a clause."""
     direct = int((explanation.direct() >= 0).sum())
     ranged = int(explanation.ranged().sum())
     total = len(mixture.observations)

@@ -140,7 +140,7 @@ def test_false_loops_within_robots_are_told_from_sigmas_stated_too_small(stated,
     assert not live(result)[100:].any()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1])
 def test_false_loops_within_robots_do_not_fit_under_a_metre_and_a_radian(team_maker, seed):
     """Edges that state nothing: false loops are as far off as such sigmas allow, and strain all else."""
     team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)

@@ -65,7 +65,7 @@ def test_a_cloud_fits_itself_and_nothing_far_away(seed: int, voxel_m: float) -> 
     assert not occupied.holds(points + 200.0).any()
 
 
-@pytest.mark.parametrize("turn_deg", [-150, -70, -40, 30, 90, 180])
+@pytest.mark.parametrize("turn_deg", [-150, -40, 30, 90])
 def test_after_an_unforeseen_turn_it_is_found_again(turn_deg: float) -> None:
     poses = straight(12)
     poses[8:] = poses[8:] @ se3.from_yaw(np.radians([turn_deg]), np.array([[0.5, -0.3, 0.0]]))
@@ -96,7 +96,7 @@ def test_a_scan_of_elsewhere_is_lost_and_its_step_counts_as_unknown() -> None:
     assert not {*range(8)} & {*result.lost, *result.found_again}
 
 
-@pytest.mark.parametrize("first", [0, 5, 10])
+@pytest.mark.parametrize("first", [0, 10])
 def test_two_scans_in_three_seconds_are_enough_on_a_recorded_street(kitti_drive, first) -> None:
     rows = np.arange(first, len(kitti_drive), 15)
     odometry = KissOdometry()

@@ -89,7 +89,7 @@ def test_voxels_follow_the_extent_of_the_surroundings(extent_m: float, voxel_m: 
 
 
 def test_another_goes_on_from_its_state_to_the_same_bit() -> None:
-    world = wall_points()[::4]  # the search after the jolt takes long with more
+    world = wall_points()[::8]  # the search after the jolt takes long with more
     times = np.linspace(0.0, PERIOD_S, len(world))
     scans = [Scan(round(k * 1e8), sweep(k * 0.1, times, world), times) for k in range(14)]
     # A jolt half-way: whether odometry holds there, depends on what it remembers of the scans before.

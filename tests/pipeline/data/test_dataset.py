@@ -104,6 +104,14 @@ def test_recordings_named_on_the_command_line(folder: Path) -> None:
     assert list(load_dataset([f"{folder}/alpha.bag", f"{folder}/gamma/"]).robots) == ["alpha", "gamma"]
 
 
+def test_scans_that_stand_twice_are_told(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write_kitti_folder(folder / "08", [Scan(10**9, np.ones((5, 3)))])
+    load_dataset([f"a={folder / '08'}"])
+    assert not caplog.records
+    load_dataset([f"a={folder / '08'}", f"b={folder / '..' / folder.name / '08'}"])
+    assert "a and b have the same scans, " in caplog.text
+
+
 def test_a_file_that_is_written_is_read_alike(folder: Path, tmp_path: Path) -> None:
     robots = {
         "alpha": RobotRecording(folder / "alpha.bag", "/points", folder / "alpha_gt.tum", -0.25),

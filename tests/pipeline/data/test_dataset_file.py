@@ -65,6 +65,12 @@ def test_a_bad_value_is_named(folder: Path, entry: str, says: str) -> None:
         read_dataset_file(folder / "dataset.yaml")
 
 
+def test_a_recording_in_the_place_of_a_robots_keys_is_told_with_the_key(folder: Path) -> None:
+    (folder / "dataset.yaml").write_text("robots: {a: a.bag}")
+    with pytest.raises(InputError, match=r"robot a is 'a.bag'; expected keys with values, as a: \{scans: a.bag\}"):
+        read_dataset_file(folder / "dataset.yaml")
+
+
 def test_files_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot read .*gone\.yaml"):
         read_dataset_file(tmp_path / "gone.yaml")

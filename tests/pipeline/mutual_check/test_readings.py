@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.pipeline.mutual_check.readings import Reading, readings
+from wiclosure.pipeline.mutual_check.readings import Apart, Reading, readings
 from wiclosure.types import AoaPath, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.faults.corrections import azimuths_off, clocks_apart, ranges_off
 
@@ -45,6 +45,19 @@ def test_errors_of_unknown_size_are_tried_on_both_sides() -> None:
     tried = {correction.fault for reading in readings("a", "b", LOG) for correction in reading.corrections}
     for correction in (clocks_apart("b", -0.75), clocks_apart("b", 2.0), ranges_off(3.0), azimuths_off(np.radians(20))):
         assert correction.fault in tried
+
+
+@pytest.mark.parametrize("bias_m", [-31.0, -7.5, 12.0, 40.0])
+def test_ranges_wrong_by_any_length_or_factor_are_tried_where_closures_tell_the_distance(bias_m: float) -> None:
+    distance_m = np.linspace(35.0, 60.0, 9)
+    off = Apart(np.append(distance_m + bias_m, 90.0), np.append(distance_m, 10.0))  # the last one came over a wall
+    scaled = Apart(distance_m * 2.5, distance_m)
+    tried = {apart: readings("a", "b", LOG, apart=apart) for apart in (off, scaled)}
+    assert ranges_off(bias_m).fault in {c.fault for r in tried[off] for c in r.corrections}
+    assert any("150 % too long for the odometry" in c.fault for r in tried[scaled] for c in r.corrections)
+    ranges = [r for r in tried[off] if r.sizes]
+    assert len(ranges) == 2
+    assert all(r.sizes > len(r.corrections) for r in ranges)  # those that were not tried were as likely beforehand
 
 
 def test_what_a_log_does_not_have_cannot_be_wrong() -> None:

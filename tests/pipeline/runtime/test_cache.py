@@ -7,7 +7,14 @@ from pathlib import Path
 import pytest
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.runtime.cache import StageCache, Stock, _modules, code_digest, file_identity
+from wiclosure.pipeline.runtime.cache import (
+    StageCache,
+    Stock,
+    _modules,
+    code_digest,
+    default_cache_folder,
+    file_identity,
+)
 
 
 class Stage:
@@ -60,6 +67,14 @@ def test_old_entries_go_when_the_cache_is_full(tmp_path: Path) -> None:
 def test_unwritable_cache_is_no_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     assert Stage(StageCache(tmp_path / "file" / "cache"))(1) == ("result 1", False)
+
+
+def test_a_file_in_the_place_of_the_cache_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WICLOSURE_CACHE", str(tmp_path / "cache"))
+    assert default_cache_folder() == tmp_path / "cache"
+    (tmp_path / "cache").write_text("mine")
+    with pytest.raises(ConfigError, match=r"WICLOSURE_CACHE is .*cache, a file; name a folder, or .* --no-cache"):
+        default_cache_folder()
 
 
 @pytest.mark.parametrize("change", ["content", "name"])

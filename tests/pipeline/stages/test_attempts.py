@@ -89,7 +89,9 @@ def test_without_the_check_a_wrong_radio_that_seems_certain_keeps_robots_apart(p
     assert [len(c["robots"]) for c in refused.metrics["components"]] == [1, 1]
 
 
-@pytest.mark.parametrize(("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta")])
+@pytest.mark.parametrize(
+    ("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta"), (ten_metres_long, "m too long")]
+)
 def test_closures_that_agree_overrule_a_wrong_radio_which_is_named(
     prepared: Prepared, change: Change, cause: str
 ) -> None:

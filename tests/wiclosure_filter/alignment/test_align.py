@@ -243,7 +243,7 @@ def drifted(world: FloatArray, rng: np.random.Generator, drift: DriftModel) -> F
 def test_paths_are_told_apart_over_a_kilometre_of_drift() -> None:
     """No rigid transform explains these measurements; the direct paths are found all the same."""
     model = DriftModel(translation_walk=0.1, rotation_walk=0.015, translation_bias=0.0, rotation_bias=0.0)
-    kept = false = direct = 0
+    kept = false = direct = certain = 0
     for seed in range(4):
         rng = np.random.default_rng(seed)
         world = {n: wander(rng, 250, step_m=4.0) for n in ("a", "b")}
@@ -253,10 +253,17 @@ def test_paths_are_told_apart_over_a_kilometre_of_drift() -> None:
         }
         result = align_robots("a", "b", trajectories, scene.wireless, SETTINGS)
         assert result.best is not None
+        assert result.fit is not None
         rows = dict(result.best.paths_kept)
+        if not result.ambiguous:  # as it is drawn
+            bearings, ranges = result.fit.agreeing_bearings.sum(), result.fit.agreeing_ranges.sum()
+            assert result.reason == f"{bearings} bearings and {ranges} ranges of 100 measurements agree"
+            assert sum(path >= 0 for path in rows.values()) == bearings
+            certain += 1
         kept += sum(rows.get(m, -1) == path for m, path in scene.direct.items() if path >= 0)
         false += sum(rows.get(m, -1) not in {-1, path} for m, path in scene.direct.items())
         direct += sum(path >= 0 for path in scene.direct.values())
+    assert certain > 0
     assert kept > 0.75 * direct
     assert false < 0.2 * direct
 
