@@ -10,7 +10,7 @@ from itertools import islice
 from typing import TypeAlias, TypeVar
 
 from wiclosure.types import FrameAlignment, Trajectory, WirelessLog
-from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.align import align_together
 from wiclosure.wiclosure_filter.config import AlignmentSettings, GateSettings
 from wiclosure.wiclosure_filter.faults.corrections import Correction
 from wiclosure.wiclosure_filter.faults.diagnosis import between, likeliest, tried, worth_a_diagnosis
@@ -58,7 +58,7 @@ def alignments(
 
 
 def _aligned(team: _Team, settings: AlignmentSettings) -> list[FrameAlignment]:
-    return [align(links, team.trajectories, settings) for links in team.links]
+    return align_together([(links, team.trajectories) for links in team.links], settings)
 
 
 @dataclass(frozen=True, eq=False)

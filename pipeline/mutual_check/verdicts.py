@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between
+
+_CLEARED = (
+    "before robots were merged, the measurements left their alignment in doubt; they fit where the merged map has the"
+    " robots, and nothing seems to be wrong with them"
+)
 
 
 def sentences(
@@ -35,6 +41,23 @@ def sentences(
         if pair not in checked and not _is_named(named.get(pair, ""), found)
     ]
     return (*filtered.diagnosis, *said)
+
+
+def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:
+    """Without faults that the filter suspects by the log alone, of robots whose log fits the merged map."""
+    was = {(one.robot_a, one.robot_b): one for one in filtered.alignments if one.suspected_fault}
+    now = {pair: replace(was[pair], suspected_fault="", reason=_CLEARED) for pair in was.keys() & set(fitting)}
+    said = {f"{a} and {b}: {was[a, b].reason}": f"{a} and {b}: {_CLEARED}" for a, b in now}
+
+    def restated(sentence: str) -> str:
+        before = next((text for text in said if sentence.startswith(text)), None)
+        return sentence if before is None else said[before] + sentence[len(before) :]
+
+    return replace(
+        filtered,
+        alignments=tuple(now.get((one.robot_a, one.robot_b), one) for one in filtered.alignments),
+        diagnosis=tuple(map(restated, filtered.diagnosis)),
+    )
 
 
 def out_of_time(wireless: WirelessLog, trajectories: Mapping[str, Trajectory]) -> tuple[str, ...]:

@@ -17,10 +17,10 @@ from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
-from wiclosure.pipeline.mutual_check.map_check import Contradiction, held_against_map
+from wiclosure.pipeline.mutual_check.check import PairCheck
+from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
-from wiclosure.pipeline.mutual_check.verdicts import corrected, out_of_time, sentences
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
@@ -51,11 +51,11 @@ def solve(
     attempts = Attempts(fronts, keyframes, candidate_filter, config, registrations, progress, viewer)
     took, corrects, corrections = Stopwatch(), config.filter.accept_correction, tuple[str, ...]()
     found = _estimated(attempts, wireless, earth, took)
-    if corrects and any(contradiction.causes for contradiction in found.by_map.values()):
-        log, corrections = corrected(wireless, found.by_map)
+    if corrects and any(contradiction.causes for contradiction in found.by_map.contradicted.values()):
+        log, corrections = corrected(wireless, found.by_map.contradicted)
         found = _estimated(attempts, log, earth, took)
 
-    filtered, closures = found.attempt.filtered, found.graph.closures
+    filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
     return Solution(
@@ -69,7 +69,7 @@ def solve(
         diagnosis=(
             *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
             *corrections,
-            *sentences(filtered, found.checks, found.by_map, corrects=corrects),
+            *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
             *(one.sentence for one in found.rivals),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
@@ -90,7 +90,7 @@ class _Estimate:
         rivals: sets of closures that contradict each other, of which the radio told the true one.
         consistent: closures that agree.
         graph: the estimate.
-        by_map: measurements that the merged map contradicts.
+        by_map: what the merged map tells of the measurements.
     """
 
     attempt: Attempt
@@ -98,7 +98,7 @@ class _Estimate:
     rivals: Sequence[RivalSets]
     consistent: PcmResult
     graph: GraphResult
-    by_map: Mapping[Pair, Contradiction]
+    by_map: AgainstMap
 
 
 def _estimated(
@@ -118,15 +118,15 @@ def _estimated(
         settings = config.pose_graph.scaled(consistent.scale)
         graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
-        by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else {}
+        by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
     return _Estimate(attempt, checks, rivals, consistent, graph, by_map)
 
 
 def _held_against_map(
     fronts: Mapping[str, FrontEndResult], graph: GraphResult, wireless: WirelessLog, config: Config
-) -> dict[Pair, Contradiction]:
-    """By two robots of a map, how it contradicts their measurements of each other."""
-    found: dict[Pair, Contradiction] = {}
+) -> AgainstMap:
+    """What each map tells of the measurements between its robots."""
+    found = AgainstMap()
     for component in graph.components:
         paths = {robot: graph.trajectories[robot] for robot in component}
         merged = {

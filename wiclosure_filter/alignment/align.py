@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FrameAlignment, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, support
-from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept
+from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
+from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept, rigid_transform
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
@@ -35,6 +36,22 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
         trajectories: odometry of each robot in its own frame.
         settings: what is assumed of the radio, how hard to search, when to refuse.
     """
+    return align_together([(links, trajectories)], settings)[0]
+
+
+def align_together(
+    pairs: Iterable[tuple[Links, Mapping[str, Trajectory]]], settings: AlignmentSettings
+) -> list[FrameAlignment]:
+    """Alignments of many pairs of robots, of which drift is followed together: that is most of the work."""
+    started = [_started(links, trajectories, settings) for links, trajectories in pairs]
+    frames = iter(follow_drifts([rigid for one in started if isinstance(one, _Peaks) for rigid in one.to_follow]))
+    return [one.alignment(frames) if isinstance(one, _Peaks) else one for one in started]
+
+
+def _started(
+    links: Links, trajectories: Mapping[str, Trajectory], settings: AlignmentSettings
+) -> FrameAlignment | _Peaks:
+    """As far as it goes without following drift."""
     links = links.thinned(settings.max_measurements)
     if len(links) == 0:
         return _unknown(links, "no measurement between the robots")
@@ -49,9 +66,11 @@ def align(links: Links, trajectories: Mapping[str, Trajectory], settings: Alignm
     if found is None:
         return _unknown(links, _NOTHING_FOUND[settings.multipath].format(knowledge=knowledge), knowledge)
     if settings.gravity_aligned:
-        chosen = _level(found, links, problem.odometry, settings)
-    else:
-        chosen = _in_space(found, links, settings)
+        return _Peaks.of(found, links, problem, settings)
+    return _reported(_in_space(found, links, settings), links, knowledge, settings)
+
+
+def _reported(chosen: _Chosen, links: Links, knowledge: str, settings: AlignmentSettings) -> FrameAlignment:
     reason = chosen.objections[0] if chosen.objections else chosen.support
     return FrameAlignment(
         robot_a=links.robot_a,
@@ -149,21 +168,66 @@ def _contested(followed: Sequence[Followed], guard: AmbiguitySettings) -> str:
     return ""
 
 
-def _level(found: AnchoredPeaks, links: Links, odometry: PairOdometry, settings: AlignmentSettings) -> _Chosen:
-    """Between level frames."""
-    selection = assess(found.peaks, found.mixture, found.prior, settings.guard)
-    second = None
-    if found.chosen is None and not selection.ambiguous:
-        second = second_alignment(
-            found, selection.best, selection.different, selection.log_volume, settings.guard.min_odds
-        )
-    rows = (selection.best, *(selection.others if second is None else (second.row,)))
-    drifts = found.chosen is None and len(links) > 1
-    followed = [follow(found, row, links, odometry, selection.covariance, settings, drifts=drifts) for row in rows]
-    indistinct = None
-    if not selection.ambiguous and settings.guard.weigh_blunders:
-        indistinct = _Indistinct.of(followed[0], found, links, odometry, settings.guard)
-    return _Chosen.of(selection, followed, second, settings, indistinct)
+@dataclass(frozen=True, eq=False)
+class _Peaks:
+    """Peaks between level frames, of which some are to be followed through the drift.
+
+    Args:
+        found: all of them.
+        links: the measurements.
+        problem: what was known of them.
+        selection: which one to use.
+        second: a second one that the measurements speak of besides.
+        settings: of the alignment.
+    """
+
+    found: AnchoredPeaks
+    links: Links
+    problem: AlignmentProblem
+    selection: Selection
+    second: SecondAlignment | None
+    settings: AlignmentSettings
+
+    @classmethod
+    def of(cls, found: AnchoredPeaks, links: Links, problem: AlignmentProblem, settings: AlignmentSettings) -> _Peaks:
+        """Selects among the peaks."""
+        selection, second = assess(found.peaks, found.mixture, found.prior, settings.guard), None
+        if found.chosen is None and not selection.ambiguous:
+            second = second_alignment(
+                found, selection.best, selection.different, selection.log_volume, settings.guard.min_odds
+            )
+        return cls(found, links, problem, selection, second, settings)
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Of the peaks that are reported, the best first."""
+        return (self.selection.best, *(self.selection.others if self.second is None else (self.second.row,)))
+
+    @property
+    def _drifts(self) -> bool:
+        return self.found.chosen is None and len(self.links) > 1
+
+    @property
+    def to_follow(self) -> list[RigidTransform]:
+        """Those of the same peaks, or none where nothing is to be followed."""
+        if not self._drifts:
+            return []
+        calibration = self.settings.calibration
+        return [rigid_transform(self.found, row, self.problem.odometry, calibration) for row in self.rows]
+
+    def alignment(self, frames: Iterator[DriftingFrames | None]) -> FrameAlignment:
+        """From the chains that follow `to_follow`, the next ones of `frames`."""
+        found, links, selection, guard = self.found, self.links, self.selection, self.settings.guard
+        chains = [next(frames) if self._drifts else None for _ in self.rows]
+        followed = [
+            follow(found, row, links, chain, selection.covariance, guard)
+            for row, chain in zip(self.rows, chains, strict=True)
+        ]
+        indistinct = None
+        if not selection.ambiguous and guard.weigh_blunders:
+            indistinct = _Indistinct.of(followed[0], found, links, self.problem.odometry, guard)
+        chosen = _Chosen.of(selection, followed, self.second, self.settings, indistinct)
+        return _reported(chosen, links, self.problem.heading_knowledge, self.settings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,12 +85,16 @@ class BorderedSystem:
         return self._solutions[:, 1:]
 
     def _bands(self) -> FloatArray:
-        """Upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
-        count = len(self.diagonal)
-        bands = np.zeros((8, 4 * count))
-        for i in range(4):
-            for j in range(4):
-                if i <= j:
-                    bands[7 + i - j, j::4] = self.diagonal[:, i, j]
-                bands[3 + i - j, 4 + j :: 4] = self.upper[:, i, j]
-        return bands
+        return banded(self.diagonal, self.upper)
+
+
+def banded(diagonal: FloatArray, upper: FloatArray) -> FloatArray:
+    """`(8, 4 M)` upper bands as scipy wants them: `bands[7 + i - j, j] = H[i, j]`."""
+    count = len(diagonal)
+    bands = np.zeros((8, 4 * count))
+    for i in range(4):
+        for j in range(4):
+            if i <= j:
+                bands[7 + i - j, j::4] = diagonal[:, i, j]
+            bands[3 + i - j, 4 + j :: 4] = upper[:, i, j]
+    return bands

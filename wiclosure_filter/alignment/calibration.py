@@ -9,6 +9,7 @@ filter has it.  Scales are those of ranges and odometry against each other: a ma
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,18 +34,36 @@ class SystematicErrors:
         observations: as the log has them.
         velocity_b: `(M, 3)` m/s of b, in its odometry axes.
         yaw_rate_b: `(M,)` rad/s of b; 0 where the axes of the angles do not turn with it.
-        prior_sigma: `(7,)` of the Gaussians that hold the errors near zero, see `ErrorPrior.held`.
+        moved_a, moved_b: `(M, 3)` m from where each robot was in the middle of the time.
+        prior_sigma: `(7,)` of the Gaussians that hold the errors near zero, see `ErrorPrior.held`; `(B, 7)` of the
+            measurements of B pairs of robots.
     """
 
     observations: Observations
     velocity_b: FloatArray
     yaw_rate_b: FloatArray
+    moved_a: FloatArray
+    moved_b: FloatArray
     prior_sigma: FloatArray
 
     @classmethod
     def of(cls, observations: Observations, odometry: PairOdometry, prior_sigma: FloatArray) -> SystematicErrors:
         """Of measurements in order of time."""
-        return cls(observations, *motion(odometry.b, observations.index_b), prior_sigma)
+        middle = len(observations) // 2
+        moved_a, moved_b = (antenna - antenna[middle] for antenna in (observations.a, observations.b))
+        return cls(observations, *motion(odometry.b, observations.index_b), moved_a, moved_b, prior_sigma)
+
+    @classmethod
+    def joined(cls, parts: Sequence[SystematicErrors]) -> SystematicErrors:
+        """Of B pairs of robots one after the other: their errors are `(B, 7)`, and `(M, 7)` for each measurement."""
+        return cls(
+            Observations.joined([part.observations for part in parts]),
+            np.concatenate([part.velocity_b for part in parts]),
+            np.concatenate([part.yaw_rate_b for part in parts]),
+            np.concatenate([part.moved_a for part in parts]),
+            np.concatenate([part.moved_b for part in parts]),
+            np.vstack([part.prior_sigma for part in parts]),
+        )
 
     def first_guess(self, explanation: Explanation, distance_m: FloatArray) -> FloatArray:
         """`(7,)` to start from: no error, but for ranges of which most are too long as if obstructed.
@@ -61,17 +80,17 @@ class SystematicErrors:
         return guess
 
     def corrected(self, errors: FloatArray) -> Observations:
-        """The measurements as they would be without the errors `(7,)`."""
+        """The measurements as they would be without the errors `(7,)`, or `(M, 7)` of each."""
         observations = self.observations
-        turn = -np.where(observations.a_receives, errors[AZIMUTH_A], errors[AZIMUTH_B])
-        turn = turn + np.where(observations.a_receives, 0.0, self.yaw_rate_b * errors[CLOCK])
+        turn = -np.where(observations.a_receives, errors[..., AZIMUTH_A], errors[..., AZIMUTH_B])
+        turn = turn + np.where(observations.a_receives, 0.0, self.yaw_rate_b * errors[..., CLOCK])
         R = se3.from_yaw(turn, np.zeros((len(turn), 3)))[:, :3, :3]
-        moved_a, moved_b = self._about_middle(observations.a), self._about_middle(observations.b)
+        scaled_b = observations.b + errors[..., SCALE_B, None] * self.moved_b
         return replace(
             observations,
-            a=observations.a + errors[SCALE_A] * moved_a,
-            b=observations.b + errors[SCALE_B] * moved_b + errors[CLOCK] * self.velocity_b,
-            range_m=np.maximum(observations.range_m - errors[BIAS], 0.0) / (1 + errors[RANGE_SCALE]),
+            a=observations.a + errors[..., SCALE_A, None] * self.moved_a,
+            b=scaled_b + errors[..., CLOCK, None] * self.velocity_b,
+            range_m=np.maximum(observations.range_m - errors[..., BIAS], 0.0) / (1 + errors[..., RANGE_SCALE]),
             direction=np.einsum("mij,mkj->mki", R, observations.direction),
         )
 
@@ -93,13 +112,6 @@ class SystematicErrors:
         by_errors[:, 1:, SCALE_A] = np.diff(self.observations.a, axis=0)
         by_errors[:, 1:, SCALE_B] = -np.einsum("mij,mj->mi", R, np.diff(self.observations.b, axis=0))
         return by_errors
-
-    @property
-    def _middle(self) -> int:
-        return len(self.observations) // 2
-
-    def _about_middle(self, positions: FloatArray) -> FloatArray:
-        return np.asarray(positions - positions[self._middle])
 
 
 @dataclass(frozen=True, eq=False)

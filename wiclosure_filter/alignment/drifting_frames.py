@@ -10,16 +10,18 @@ bit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.types import FloatArray
+from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
 from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
 from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
+from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains
 from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
@@ -71,6 +73,61 @@ class DriftingFrames:
         return -(self.chain.squared + self.errors.squared + self.chain.system.log_determinant) / 2
 
 
+@dataclass(frozen=True, eq=False)
+class RigidTransform:
+    """A rigid transform between two robots, from where the drift is followed.
+
+    Args:
+        state: `(4,)` the transform.
+        mixture: that it was found with.
+        drift: what that mixture allowed for, `PairOdometry.drift_from`.
+        prior: on yaw and height.
+        odometry: of a and b.
+        calibration: how large systematic errors usually are.
+    """
+
+    state: FloatArray
+    mixture: Mixture
+    drift: tuple[FloatArray, FloatArray]
+    prior: Prior
+    odometry: PairOdometry
+    calibration: CalibrationPriors
+
+    @property
+    def known(self) -> ErrorPrior:
+        """Of constant errors."""
+        return ErrorPrior.of(self.calibration)
+
+    @cached_property
+    def order(self) -> IntArray:
+        """`(M,)` measurements in order of time."""
+        return np.argsort(self.mixture.observations.stamp_ns, kind="stable")
+
+    @cached_property
+    def constant(self) -> SystematicErrors:
+        """The measurements in order of time, as constant errors change them."""
+        return SystematicErrors.of(self.mixture.observations.subset(self.order), self.odometry, self.known.usual)
+
+    @cached_property
+    def drift_matters(self) -> bool:
+        """See there."""
+        return drift_matters(self.drift, self.mixture.observations)
+
+    def posterior(self) -> ChainPosterior:
+        """Of its chain."""
+        drift = self.drift[0][self.order], self.drift[1][self.order]
+        return ChainPosterior.of(self.constant, self.mixture.radio, drift, self.prior, self.odometry)
+
+    def first_guess(self) -> ChainGuess:
+        """The same transform at every measurement."""
+        observations = self.constant.observations
+        yaw = np.full(len(self.order), self.state[0])
+        w = displacements_in_a(self.state[None], observations)[1][0]
+        seen = seen_by_receiver(w[None], yaw[None], ~observations.a_receives)
+        at_start = self.mixture.subset(self.order).explain(seen)
+        return ChainGuess(yaw, w, self.constant.first_guess(at_start, np.linalg.norm(w, axis=1))[None])
+
+
 def follow_drift(
     state: FloatArray,
     rigid: Mixture,
@@ -79,65 +136,117 @@ def follow_drift(
     odometry: PairOdometry,
     calibration: CalibrationPriors,
 ) -> DriftingFrames:
-    """Lets a rigid transform follow the drift of both robots.
+    """Lets a rigid transform follow the drift of both robots, see `RigidTransform`.
 
-    Args:
-        state: `(4,)` the rigid transform.
-        rigid: the mixture that it was found with.
-        drift: what that mixture allowed for, `PairOdometry.drift_from`.
-        prior: on yaw and height.
-        odometry: of a and b.
-        calibration: how large systematic errors usually are.
+    Raises:
+        numpy.linalg.LinAlgError: steps of millions of metres leave no digits for the rest.
     """
-    order = np.argsort(rigid.observations.stamp_ns, kind="stable")
-    known = ErrorPrior.of(calibration)
-    constant = SystematicErrors.of(rigid.observations.subset(order), odometry, known.usual)
-    posterior = ChainPosterior(constant, rigid.radio, (drift[0][order], drift[1][order]), prior, odometry)
-    yaw = np.full(len(order), state[0])
-    w = displacements_in_a(state[None], constant.observations)[1][0]
-    at_start = rigid.subset(order).explain(seen_by_receiver(w[None], yaw[None], ~constant.observations.a_receives))
-    guess = ChainGuess(yaw, w, constant.first_guess(at_start, np.linalg.norm(w, axis=1)))
-    for excuse in _EXCUSES if drift_matters(drift, rigid.observations) else _EXCUSES[-_FEW:]:
+    return _climbed([RigidTransform(state, rigid, drift, prior, odometry, calibration)])[0]
+
+
+def follow_drifts(rigid: Sequence[RigidTransform]) -> list[DriftingFrames | None]:
+    """The same of many rigid transforms, together; None where steps leave no digits for the rest."""
+    found: list[DriftingFrames | None] = [None] * len(rigid)
+    matters = [one.drift_matters for one in rigid]
+    for drifting in (True, False):
+        rows = [row for row, one in enumerate(matters) if one == drifting]
+        for row, frames in zip(rows, _together([rigid[row] for row in rows]), strict=True):
+            found[row] = frames
+    return found
+
+
+def _together(rigid: Sequence[RigidTransform]) -> list[DriftingFrames | None]:
+    if not rigid:
+        return []
+    try:
+        return [*_climbed(rigid)]
+    except np.linalg.LinAlgError:
+        return [None] if len(rigid) == 1 else [frames for one in rigid for frames in _together([one])]
+
+
+def _climbed(rigid: Sequence[RigidTransform]) -> list[DriftingFrames]:
+    """Of transforms for which drift matters, or of such for which it does not."""
+    posterior = ChainPosterior.joined([one.posterior() for one in rigid])
+    guesses = [one.first_guess() for one in rigid]
+    guess = ChainGuess(
+        *(np.concatenate(parts) for parts in zip(*((g.yaw, g.w, g.errors) for g in guesses), strict=True))
+    )
+    known, constant = rigid[0].known, posterior.constant
+    for excuse in _EXCUSES if rigid[0].drift_matters else _EXCUSES[-_FEW:]:
         held = constant.prior_sigma
         excused = replace(posterior.excused(excuse), constant=constant)
-        chain = excused.linearised(guess)
-        step = chain.system.solved()
-        guess = _uphill(excused, guess, (step[0].reshape(-1, 4), step[1]), chain.information)
-        sigma = np.sqrt(np.diag(chain.system.covariance_of_errors()))
+        chains, here = excused.linearised(guess)
+        step = chains.solved()
+        guess = _uphill(excused, guess, here, step, chains.information)
+        sigma = np.sqrt(np.diagonal(chains.covariance_of_errors, axis1=1, axis2=2))
         constant = replace(constant, prior_sigma=known.held(guess.errors, sigma, held))
-    corrected, middle, system = constant.corrected(guess.errors), len(order) // 2, chain.system
-    seen = seen_by_receiver(guess.w[None], guess.yaw[None], ~corrected.a_receives)
-    explanation = Mixture.of(corrected, rigid.radio).explain(seen)
-    at_middle, covariance = _frame_transform(guess, middle, corrected, constant, system.marginal(middle))
+    return [_frames(one, guess, step, chains, number, held[number]) for number, one in enumerate(rigid)]
+
+
+def _frames(
+    rigid: RigidTransform,
+    guess: ChainGuess,
+    step: tuple[FloatArray, FloatArray],
+    chains: LinearChains,
+    number: int,
+    held: FloatArray,
+) -> DriftingFrames:
+    """One of the chains, of which errors were held by Gaussians of sigma `held (7,)`."""
+    constant, order, errors = rigid.constant, rigid.order, guess.errors[number]
+    rows = slice(*chains.segments.ends[number : number + 2])
+    yaw, w, chain = guess.yaw[rows], guess.w[rows], chains.chain(number)
+    corrected, middle, system = constant.corrected(errors), len(order) // 2, chain.system
+    explanation = Mixture.of(corrected, rigid.mixture.radio).explain(
+        seen_by_receiver(w[None], yaw[None], ~corrected.a_receives)
+    )
+    own = ChainGuess(yaw, w, errors)
+    at_middle, covariance = _frame_transform(own, middle, corrected, constant, system.marginal(middle))
     back = np.argsort(order, kind="stable")
     return DriftingFrames(
-        guess.yaw[back],
-        guess.w[back],
+        yaw[back],
+        w[back],
         explanation.subset(back),
         int(order[middle]),
         at_middle,
         covariance,
-        EstimatedErrors(guess.errors, system.covariance_of_errors(), known, held),
+        EstimatedErrors(errors, system.covariance_of_errors(), rigid.known, held),
         corrected.subset(back),
-        chain.moved(step[0].reshape(-1, 4), step[1]),
+        chain.moved(step[0][rows], step[1][number]),
     )
 
 
 def _uphill(
-    posterior: ChainPosterior, guess: ChainGuess, step: tuple[FloatArray, FloatArray], information: FloatArray
+    posterior: ChainPosterior,
+    guess: ChainGuess,
+    here: FloatArray,
+    step: tuple[FloatArray, FloatArray],
+    information: FloatArray,
 ) -> ChainGuess:
-    """The guess after a Gauss-Newton step of blocks `(M, 4)` and errors `(7,)`, or after as much of it as leads uphill.
+    """The guess after a Gauss-Newton step, or in each chain after as much of it as leads uphill.
 
     Ranges alone hold a far robot on a circle: a long step along its tangent would leave them all unexplained.
+
+    Args:
+        posterior: of B chains.
+        guess: where they are.
+        here: `(B,)` log-densities of that.
+        step: blocks `(T, 4)` and errors `(B, 7)`.
+        information: of the odometry's steps.
     """
     blocks, errors = step
-    shrink = max(np.abs(blocks[:, 0]).max() / _MAX_STEP_RAD, np.abs(blocks[:, 1:]).max() / _MAX_STEP_M, 1.0)
-    here = posterior.log_density(guess, information)
-    for share in _SHARES / shrink:
-        moved = guess.moved(share * blocks, share * errors)
-        if posterior.log_density(moved, information) > here:
-            return moved
-    return guess
+    long = posterior.segments.largest(np.abs(blocks) / [_MAX_STEP_RAD, _MAX_STEP_M, _MAX_STEP_M, _MAX_STEP_M])
+    taken = np.zeros(len(errors))
+
+    def moved(shares: FloatArray) -> ChainGuess:
+        return guess.moved(shares[posterior.segments.chain][:, None] * blocks, shares[:, None] * errors)
+
+    for share in _SHARES:
+        tried = np.where(taken > 0, 0.0, share / np.maximum(long, 1.0))
+        if not tried.any():
+            break
+        higher = posterior.log_density(moved(tried), information) > here
+        taken = np.where(higher & (tried > 0), tried, taken)
+    return moved(taken)
 
 
 def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observations) -> bool:

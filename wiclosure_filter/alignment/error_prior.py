@@ -50,16 +50,16 @@ class ErrorPrior:
         return max(self.blunder_share, 1e-300) / (1 - self.blunder_share)
 
     def held(self, value: FloatArray, sigma: FloatArray, held: FloatArray) -> FloatArray:
-        """`(7,)` standard deviations of the Gaussians that stand for the prior.
+        """`(..., 7)` standard deviations of the Gaussians that stand for the prior.
 
         Args:
-            value: `(7,)` estimates.
-            sigma: `(7,)` of these.
-            held: `(7,)` under which they were estimated.
+            value: `(..., 7)` estimates.
+            sigma: `(..., 7)` of these.
+            held: `(..., 7)` under which they were estimated.
         """
         told = np.maximum(1 - (sigma / held) ** 2, 1e-6)
         value, variance = value / told, sigma**2 / told  # by the measurements alone
-        prior = np.stack([self.usual, BLUNDER_TIMES * self.usual]) ** 2
+        prior = np.stack([np.broadcast_to(times * self.usual, value.shape) for times in (1.0, BLUNDER_TIMES)]) ** 2
         log_evidence = -np.log(prior + variance) / 2 - value**2 / (prior + variance) / 2
         odds = self._odds * np.exp(np.minimum(log_evidence[1] - log_evidence[0], 300.0))
         share = np.stack([1 / (1 + odds), odds / (1 + odds)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,8 @@ import numpy as np
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.ambiguity import unobservable
 from wiclosure.wiclosure_filter.alignment.calibration import CONSTANT_BLUNDER, RANGE_SCALE
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, follow_drift
-from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform
+from wiclosure.wiclosure_filter.config import AmbiguitySettings, CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.likelihood.fit import Fit
@@ -82,40 +81,42 @@ class Followed:
         return f"the measurements tell a systematic error beyond the usual: {'; '.join(beyond)}" if beyond else ""
 
 
+def rigid_transform(
+    found: AnchoredPeaks, row: int, odometry: PairOdometry, calibration: CalibrationPriors
+) -> RigidTransform:
+    """A peak, from where drift can be followed; see `follow`."""
+    return RigidTransform(found.peaks.states[row], found.mixture, found.drift, found.prior, odometry, calibration)
+
+
 def follow(
     found: AnchoredPeaks,
     row: int,
     links: Links,
-    odometry: PairOdometry,
+    frames: DriftingFrames | None,
     covariance: FloatArray,
-    settings: AlignmentSettings,
-    *,
-    drifts: bool,
+    guard: AmbiguitySettings,
 ) -> Followed:
-    """Follows a peak through the drift of both robots, or takes it as it is.
+    """A peak that was followed through the drift of both robots, or as it is.
 
     Args:
         found: all peaks.
         row: which of them.
         links: the measurements.
-        odometry: of both robots.
+        frames: the chain that follows the drift, see `rigid_transform`; None where nothing was to follow.
         covariance: `(4, 4)` of the best peak with its neighbours.
-        settings: of the alignment.
-        drifts: whether to follow.
+        guard: when it is too vague.
     """
     mixture, observations = found.mixture, found.mixture.observations
     state, explanation = found.peaks.states[row], explained(found.peaks.states[row], mixture)
     w = displacements_in_a(state[None], observations)[1][0]
-    frames, vague = None, ""
+    vague = ""
     calibration: tuple[Calibration, ...] = ()
-    if drifts:
-        with suppress(np.linalg.LinAlgError):  # steps of millions of metres leave no digits for the rest
-            frames = follow_drift(state, mixture, found.drift, found.prior, odometry, settings.calibration)
-            state, explanation, w = frames.state, frames.explanation, frames.w
-            covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
-            mixture = Mixture.of(frames.corrected, mixture.radio)
-            calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
-            vague = unobservable(covariance, observations, settings.guard)
+    if frames is not None:
+        state, explanation, w = frames.state, frames.explanation, frames.w
+        covariance = frames.covariance + _spread(covariance, found.peaks.information[row])
+        mixture = Mixture.of(frames.corrected, mixture.radio)
+        calibration = frames.errors.calibrations(links.robot_a, links.robot_b)
+        vague = unobservable(covariance, observations, guard)
     hypothesis = AlignmentHypothesis(
         T_a_b=observations.frame_transform(state),
         log_likelihood=float(explanation.log_likelihood[0] @ observations.independence),

@@ -14,7 +14,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.align import align
+from wiclosure.wiclosure_filter.alignment.align import align, align_together
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.faults.corrections import (
     Correction,
@@ -65,14 +65,15 @@ def likeliest(
 ) -> int | None:
     """Which of the corrections that are `tried` makes the measurements fit; a number, which processes can exchange."""
     possible, claimed = tried(alignment, trajectories, log, settings)
-    inputs = _of_pair(alignment, trajectories, log)
-    quick = quick_settings(settings)
+    inputs, quick = _of_pair(alignment, trajectories, log), quick_settings(settings)
+    corrected = [correction.apply(inputs) for correction in possible]
+    aligned = align_together([(_links(one, quick), one[0]) for one in corrected], quick)
     gains = np.array(
         [
             gain_of_cut(alignment, claimed, _links(inputs, quick), inputs[0], quick)
             if correction.slip
-            else _gain(claimed, correction, inputs, quick)
-            for correction in possible
+            else _gain(claimed, correction, one)
+            for correction, one in zip(possible, aligned, strict=True)
         ]
     )
     return int(np.argmax(gains)) if gains.max(initial=-np.inf) > LIKELIER else None
@@ -143,9 +144,8 @@ def _aligned(inputs: RadioInputs, settings: AlignmentSettings) -> FrameAlignment
     return align(_links(inputs, settings), inputs[0], settings)
 
 
-def _gain(claimed: FrameAlignment, correction: Correction, inputs: RadioInputs, settings: AlignmentSettings) -> float:
+def _gain(claimed: FrameAlignment, correction: Correction, corrected: FrameAlignment) -> float:
     """By how much more a correction explains (natural logarithm of odds); -inf where it does not explain enough."""
-    corrected = _aligned(correction.apply(inputs), settings)
     if corrected.best is None or corrected.ambiguous or claimed.best is None:
         return -np.inf
     ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())

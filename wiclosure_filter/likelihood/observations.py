@@ -7,7 +7,9 @@ Centring keeps yaw and translation nearly independent, however far from its orig
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -105,7 +107,7 @@ class Observations:
         a, b = (np.linalg.norm(np.ptp(p[:, :2], axis=0)) for p in (self.a, self.b))
         return float(a), float(b)
 
-    @property
+    @cached_property
     def typical_distance_m(self) -> float:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]
@@ -116,7 +118,7 @@ class Observations:
         """`(M,)` distance of the antennas, measured or borrowed, or a usual one where nothing was ranged."""
         return np.where(np.isfinite(self.near_range_m), self.near_range_m, UNKNOWN_DISTANCE_M)
 
-    @property
+    @cached_property
     def tells_height(self) -> bool:
         """True where elevations were measured, or ranges between robots that go up and down."""
         elevated = (~self.flat & (self.weight > 0)).any()
@@ -127,6 +129,19 @@ class Observations:
         """The measurements at `rows`, about the same centres."""
         per_measurement = [f.name for f in fields(self) if f.name not in {"centre_a", "centre_b"}]
         return replace(self, **{name: getattr(self, name)[rows] for name in per_measurement})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Observations]) -> Observations:
+        """Measurements of several pairs of robots one after the other, each about its own centres: these are lost."""
+        paths = max(part.weight.shape[1] for part in parts)
+        without = {"direction": 0.0, "flat": True, "sigma": 1.0, "weight": 0.0}  # of paths that are not there
+        joined = {}
+        for name in (f.name for f in fields(cls)):
+            values = [getattr(part, name) for part in parts]
+            if name in without:
+                values = [_widened(value, paths, without[name]) for value in values]
+            joined[name] = np.full(3, np.nan) if name in {"centre_a", "centre_b"} else np.concatenate(values)
+        return cls(**joined)
 
     def restricted(self, weight: FloatArray, range_m: FloatArray) -> Observations:
         """The same measurements with other path weights `(M, K)` and ranges `(M,)`."""
@@ -150,8 +165,14 @@ class Observations:
         return np.concatenate([[se3.yaw(T_a_b)], se3.transform(T_a_b, self.centre_b) - self.centre_a])
 
 
-def independence(links: Links, radius_m: float) -> FloatArray:
-    """Weight `(M,)` of each measurement: one over how many of its kind were taken in the same place.
+def _widened(values: np.ndarray, paths: int, filling: float) -> np.ndarray:
+    """Of `(M, K, ...)`, with more paths."""
+    more = (len(values), paths - values.shape[1], *values.shape[2:])
+    return np.concatenate([values, np.full_like(values, filling, shape=more)], axis=1)
+
+
+def independence(links: Links, radius_m: float, part: IntArray | None = None) -> FloatArray:
+    """Weight `(M,)` of each measurement: one over how many of its kind, and of its `part (M,)`, are of the same place.
 
     Where robots stand still, every measurement sees the same reflections: a hundred of them prove no more than one
     that the path which they share is the direct one.
@@ -159,7 +180,8 @@ def independence(links: Links, radius_m: float) -> FloatArray:
     if radius_m <= 0 or len(links) == 0:
         return np.ones(len(links))
     places = np.concatenate([links.antenna_a - links.antenna_a[0], links.antenna_b - links.antenna_b[0]], axis=1)
-    kind = np.column_stack([links.a_receives, links.has_range, links.has_bearing])
+    of_part = np.zeros(len(links), np.int64) if part is None else part
+    kind = np.column_stack([links.a_receives, links.has_range, links.has_bearing, of_part])
     cell = np.column_stack([np.floor(places / radius_m + 0.5), kind])
     _, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / count[group.reshape(-1)])

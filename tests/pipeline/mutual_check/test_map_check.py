@@ -10,7 +10,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.mutual_check.map_check import Contradiction, MergedPair, contradiction, held_against_map
+from wiclosure.pipeline.mutual_check.map_check import AgainstMap, Contradiction, Fit, held_against, held_against_map
+from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,
@@ -59,7 +60,7 @@ CLOSURES = [accepted(int(i), int(j)) for i, j in NEAR]
 
 
 def found(log: WirelessLog, merged: dict[str, Trajectory] = MERGED) -> Contradiction | None:
-    return held_against_map(merged, CLOSURES, log, ALIGNMENT, SETTINGS).get(("a", "b"))
+    return held_against_map(merged, CLOSURES, log, ALIGNMENT, SETTINGS).contradicted.get(("a", "b"))
 
 
 def each(change: Callable[[WirelessMeasurement], WirelessMeasurement]) -> Callable[[WirelessLog], WirelessLog]:
@@ -97,7 +98,8 @@ FAULTS = {
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_honest_log_is_not_contradicted(seed: int) -> None:
-    assert found(heard(seed)) is None
+    against = held_against_map(MERGED, CLOSURES, heard(seed), ALIGNMENT, SETTINGS)
+    assert against == AgainstMap(fitting=frozenset({("a", "b")}))
 
 
 @pytest.mark.parametrize("words", FAULTS)
@@ -143,11 +145,31 @@ def test_odometry_far_from_the_closures_excuses_what_drift_explains() -> None:
     log = longer(1.0, 3.0)(heard(1))
     near = MergedPair(("a", "b"), MERGED, {"a": NEAR[:, 0], "b": NEAR[:, 1]}, ALIGNMENT)
     far = replace(near, tied={"a": NEAR[:1, 0], "b": NEAR[:1, 1]}, alignment=ALIGNMENT)
-    weak = replace(far, alignment=ALIGNMENT.model_copy(update={"drift_inflation": 50.0}))
-    assert contradiction(near, log, SETTINGS) is not None
-    assert contradiction(weak, log, SETTINGS) is None
-    assert abs(weak.log_evidence(log)) < 1.0  # says next to nothing
+    weak = replace(far, alignment=ALIGNMENT.model_copy(update={"drift_inflation": 100.0}))
+    assert isinstance(held_against(near, log, SETTINGS), Contradiction)
+    assert held_against(weak, log, SETTINGS) is Fit.OPEN
+    assert abs(weak.log_evidences([log], [False])[0]) < 1.0  # says next to nothing
 
 
 def test_robots_that_nothing_holds_in_the_map_are_not_judged() -> None:
-    assert held_against_map(MERGED, [], longer(3.28, 0.0)(heard(1)), ALIGNMENT, SETTINGS) == {}
+    assert held_against_map(MERGED, [], longer(3.28, 0.0)(heard(1)), ALIGNMENT, SETTINGS) == AgainstMap()
+
+
+def test_all_readings_at_once_are_weighed_as_one_by_one() -> None:
+    pair = MergedPair(("a", "b"), MERGED, {"a": NEAR[:, 0], "b": NEAR[:, 1]}, ALIGNMENT)
+    logs = [heard(1), *(spoil(heard(1)) for spoil in FAULTS.values())]
+    assert pair.log_evidences(logs, [False] * len(logs)) == pytest.approx(
+        [float(pair.log_evidences([log], [False])[0]) for log in logs], rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bearings_that_say_little_name_an_error_beside_exact_ranges(seed: int) -> None:
+    """Ranges of 10 cm are spoilt by odometry's drift at once, bearings of 10 degrees are not."""
+    exact = RadioSettings(every_m=10.0, direction="one-way", paths=2, range_sigma_m=0.1)
+    log = simulate_wireless_from_poses(MERGED, exact, seed=seed)
+    far = [NEAR[0], NEAR[-1]]
+    closures = [accepted(int(i), int(j)) for i, j in far]
+    assert held_against_map(MERGED, closures, log, ALIGNMENT, SETTINGS).contradicted == {}
+    contradicted = held_against_map(MERGED, closures, turned(-1, 0.0)(log), ALIGNMENT, SETTINGS).contradicted["a", "b"]
+    assert "clockwise, not" in contradicted.causes[0].fault

@@ -10,7 +10,7 @@ import pytest
 from wiclosure.pipeline.mutual_check.check import PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
-from wiclosure.pipeline.mutual_check.verdicts import corrected, out_of_time, sentences
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
 from wiclosure.types import FilterResult, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.faults.corrections import ranges_off, swapped
 
@@ -86,3 +86,20 @@ def test_a_log_an_hour_away_names_the_time_zone_and_how_to_put_it_right() -> Non
     (one,) = out_of_time(WirelessLog(tuple(late)), PATHS)
     assert "a time zone" in one
     assert "add time_offset: -3600" in one
+
+
+def test_what_the_filter_suspects_is_taken_back_where_the_log_fits_the_map() -> None:
+    doubts = [
+        FrameAlignment(
+            *pair, None, None, True, "odometry seems to slip at 4 s", suspected_fault="odometry seems to slip"
+        )
+        for pair in (PAIR, ("a", "c"))
+    ]
+    told = tuple(f"{d.robot_a} and {d.robot_b}: {d.reason}; every pair is kept" for d in doubts)
+    result = FilterResult("wiclosure", (), 0, alignments=tuple(doubts), diagnosis=(*told, "of something else"))
+    after = cleared(result, {PAIR, ("b", "c")})
+    assert [one.suspected_fault for one in after.alignments] == ["", "odometry seems to slip"]
+    assert after.alignments[0].ambiguous
+    assert after.diagnosis[0].startswith("a and b: before robots were merged")
+    assert after.diagnosis[0].endswith("nothing seems to be wrong with them; every pair is kept")
+    assert after.diagnosis[1:] == (told[1], "of something else")

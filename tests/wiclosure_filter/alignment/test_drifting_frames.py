@@ -12,7 +12,7 @@ from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
 from wiclosure.wiclosure_filter.alignment.calibration import COUNT
-from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drift
+from wiclosure.wiclosure_filter.alignment.drifting_frames import RigidTransform, follow_drift, follow_drifts
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
 
@@ -100,3 +100,58 @@ def test_the_bordered_system_is_the_dense_one(with_border: float) -> None:
     inverse, rows = np.linalg.inv(dense), np.r_[8:12, 20 : 20 + COUNT]
     np.testing.assert_allclose(system.marginal(2), inverse[np.ix_(rows, rows)], atol=1e-12)
     np.testing.assert_allclose(system.covariance_of_errors(), inverse[20:, 20:], atol=1e-12)
+
+
+def rigid_transforms(make_case: Callable[..., object]) -> list[RigidTransform]:
+    """Of very different pairs of robots; of some drift matters, some have compasses, some climb."""
+    found = []
+    for kind, heard, changes in (
+        ("heading", 9, {}),
+        ("range-only", 20, {"drift": DRIFT}),
+        ("reciprocal", 5, {"false_paths": 3}),
+        ("one-way", 30, {"drift": DRIFT, "false_paths": 1, "elevated": True}),
+        ("reciprocal", 12, {"drift": DRIFT, "odometry_of_b": turning(0.01)}),
+    ):
+        case = make_case(kind, heard=heard, **changes)
+        mixture, drift = case.problem.anchored_at(heard // 2)
+        if not found:
+            drift = np.zeros(heard), np.zeros(heard)
+        problem = case.problem
+        found.append(RigidTransform(case.state, mixture, drift, problem.prior, problem.odometry, CalibrationPriors()))
+    return found
+
+
+def test_chains_that_are_followed_together_are_those_that_are_followed_alone(make_case: Callable[..., object]) -> None:
+    rigid = rigid_transforms(make_case)
+    assert {one.drift_matters for one in rigid} == {True, False}
+    for together, one in zip(follow_drifts(rigid), rigid, strict=True):
+        alone = follow_drift(one.state, one.mixture, one.drift, one.prior, one.odometry, one.calibration)
+        assert together is not None
+        np.testing.assert_allclose(together.yaw, alone.yaw, atol=1e-9)
+        np.testing.assert_allclose(together.w, alone.w, atol=1e-7)
+        np.testing.assert_allclose(together.covariance, alone.covariance, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(together.errors.value, alone.errors.value, rtol=1e-6, atol=1e-9)
+        assert together.corrected.direction.shape == one.mixture.observations.direction.shape
+        assert together.log_mass == pytest.approx(alone.log_mass, rel=1e-6)
+
+
+def test_a_chain_without_digits_left_takes_no_other_with_it(make_case: Callable[..., object]) -> None:
+    good = rigid_transforms(make_case)[:2]
+
+    def far(poses: FloatArray) -> FloatArray:
+        poses = poses.copy()
+        poses[::2, :3, 3] *= 1e12
+        return poses
+
+    case = make_case("range-only", heard=20, odometry_of_b=far)
+    mixture, drift = case.problem.anchored_at(10)
+    problem = case.problem
+    bad = RigidTransform(case.state, mixture, drift, problem.prior, problem.odometry, CalibrationPriors())
+    with pytest.raises(np.linalg.LinAlgError):
+        follow_drift(bad.state, bad.mixture, bad.drift, bad.prior, bad.odometry, bad.calibration)
+    first, none, second = follow_drifts([good[0], bad, good[1]])
+    assert none is None
+    for found, alone in zip((first, second), follow_drifts(good), strict=True):
+        assert found is not None
+        assert alone is not None
+        np.testing.assert_allclose(found.w, alone.w, atol=1e-7)

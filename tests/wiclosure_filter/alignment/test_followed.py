@@ -8,7 +8,8 @@ import pytest
 from wiclosure import se3
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.alignment.ambiguity import assess
-from wiclosure.wiclosure_filter.alignment.followed import Followed, follow
+from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drifts
+from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, rigid_transform
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.consensus import consensus
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
@@ -35,7 +36,11 @@ def peaks(bend_m: float) -> list[Followed]:
     assert found is not None
     selection = assess(found.peaks, found.mixture, found.prior, settings.guard)
     rows = (selection.best, *selection.others)
-    return [follow(found, row, links, problem.odometry, selection.covariance, settings, drifts=True) for row in rows]
+    chains = follow_drifts([rigid_transform(found, row, problem.odometry, settings.calibration) for row in rows])
+    return [
+        follow(found, row, links, chain, selection.covariance, settings.guard)
+        for row, chain in zip(rows, chains, strict=True)
+    ]
 
 
 def test_mirror_images_weigh_the_same_and_lie_apart() -> None:

@@ -1,0 +1,127 @@
+"""How likely each way to read a log is where the merged map has the robots: nothing is left to align."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure.pipeline.mutual_check.readings import Apart
+from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
+from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture, displacement
+from wiclosure.wiclosure_filter.likelihood.observations import Observations, independence
+from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.links.links import Links
+
+
+@dataclass(frozen=True, eq=False)
+class MergedPair:
+    """Two robots in one map.
+
+    Args:
+        pair: the robots.
+        merged: their trajectories in the frame of the map.
+        tied: keyframes of each at which closures hold the map; from there on odometry drifts.
+        alignment: what is assumed of the radio.
+    """
+
+    pair: tuple[str, str]
+    merged: Mapping[str, Trajectory]
+    tied: Mapping[str, IntArray]
+    alignment: AlignmentSettings
+
+    def log_evidences(self, logs: Sequence[WirelessLog], widened: Sequence[bool]) -> FloatArray:
+        """Log-likelihoods `(N,)` of logs where the map has the robots; 0 is a log that says nothing.
+
+        Args:
+            logs: of measurements of these two, the first as it was read, the others as it may be read.
+            widened: true for logs of wider standard deviations: they count for no more than those of the first.
+        """
+        found = np.zeros(len(logs))
+        by_compass: dict[int, list[int]] = {}
+        for n, log in enumerate(logs):
+            by_compass.setdefault(id(log.headings), []).append(n)
+        for same in by_compass.values():
+            found[same] = self._of_same_headings([logs[n] for n in same], np.array([widened[n] for n in same]))
+        return found
+
+    def apart(self, log: WirelessLog) -> Apart:
+        """How far apart the antennas were, as measured and in the map."""
+        return Apart.of(self._links(log), np.eye(4))
+
+    def _links(self, log: WirelessLog) -> Links:
+        return TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
+
+    def _of_same_headings(self, logs: Sequence[WirelessLog], widened: BoolArray) -> FloatArray:
+        """The same, all at once: as one log whose parts have nothing to do with each other."""
+        together = WirelessLog(tuple(m for log in logs for m in log.measurements), logs[0].headings)
+        links = self._links(together)
+        if len(links) == 0:
+            return np.zeros(len(logs))
+        starts = np.cumsum([0, *(len(log.measurements) for log in logs)])
+        part = np.searchsorted(starts, links.measurement, side="right") - 1
+        distance_m = np.linalg.norm(links.antenna_b - links.antenna_a, axis=1)
+        observations = replace(
+            Observations.of(links, self.alignment.radio),
+            independence=independence(links, self.alignment.radio.static_radius_m, part),
+            near_range_m=np.maximum(distance_m, MIN_DISTANCE_M),
+        )
+        each = self._of_measurements(observations, part, widened)
+        return np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+
+    def _of_measurements(self, observations: Observations, part: IntArray, widened: BoolArray) -> FloatArray:
+        """Log-likelihoods `(M,)`, weighed: neighbouring measurements share the drift of odometry.
+
+        By as much as drift exceeds their noise each counts for less, ranges and bearings by their own.
+        """
+        position_m, yaw_rad = drift = self._drift(observations)
+        as_merged = displacement(observations.state(np.eye(4))[None], observations, np.float64)
+        there = np.stack(as_merged, axis=-1)
+        across_rad = np.hypot(yaw_rad, position_m / observations.distance_m)
+        no_paths, no_ranges = np.zeros_like(observations.weight), np.full(len(observations), np.nan)
+        total = np.zeros(len(observations))
+        for weight, range_m, off, noise in (
+            (no_paths, observations.range_m, position_m, observations.range_sigma_m),
+            (observations.weight, no_ranges, across_rad, _sharpest_rad(observations)),
+        ):
+            mixture = Mixture.of(observations.restricted(weight, range_m), self.alignment.radio, drift)
+            counted = observations.independence / (1.0 + (off / _as_first(noise, part, widened)) ** 2)
+            total += counted * mixture.explain(there).log_likelihood[0]
+        return total
+
+    def _drift(self, observations: Observations) -> tuple[FloatArray, FloatArray]:
+        """Standard deviations `(M,)` of position (m) and yaw (rad) by odometry since the nearest closures."""
+        at_a, at_b = (
+            self.tied[robot][np.abs(self.tied[robot][:, None] - index).argmin(axis=0)]
+            for robot, index in zip(self.pair, (observations.index_a, observations.index_b), strict=True)
+        )
+        a, b = (self.merged[robot] for robot in self.pair)
+        odometry = PairOdometry(a, b, self.alignment.drift_inflation)
+        return odometry.drift_since(at_a, at_b, observations)
+
+
+def _sharpest_rad(observations: Observations) -> FloatArray:
+    """`(M,)` standard deviation of the most exact path; infinite without one."""
+    return np.asarray(np.where(observations.weight > 0, observations.sigma, np.inf).min(axis=1))
+
+
+def _as_first(noise: FloatArray, part: IntArray, widened: BoolArray) -> FloatArray:
+    """Noise `(M,)` by which measurements count: of parts that are widened, that of the first part."""
+    counted = np.nan_to_num(noise, nan=np.inf)
+    for n in np.flatnonzero(widened):
+        counted[part == n] = noise[part == 0]
+    return counted
+
+
+def _compasses(observations: Observations, part: IntArray, parts: int) -> FloatArray:
+    """Log-densities `(N,)` of each part's headings where the map has the robots' frames."""
+    found, as_merged = np.zeros(parts), observations.state(np.eye(4))[None]
+    if np.isfinite(observations.yaw).any():
+        for n in np.unique(part):
+            own = observations.subset(np.flatnonzero(part == n))
+            found[n] = Prior.of(own, use_headings=True, height_sigma_m=np.inf).log_density(as_merged)[0]
+    return found
