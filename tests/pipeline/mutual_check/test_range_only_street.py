@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 
 import mutual
 
-from wiclosure.formats.radio import read_wireless_log
+from wiclosure.formats.radio.wireless_log import read_wireless_log
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
