@@ -75,6 +75,13 @@ class PcmSettings(Settings):
         description="a set that contradicts the largest one and is at least this share of it makes the pair ambiguous:"
         " neither is accepted unless other robots settle it (groups only)",
     )
+    view_keyframes: float = Field(
+        10.0,
+        ge=0,
+        description="keyframes over which one view reaches: closures between two robots that lie within it, and span"
+        " little of both paths, may be of one look-alike place and need support (groups only). Less, where places are"
+        " known not to look alike: 0 doubts none that span more than they measure",
+    )
     max_scale: float = Field(
         1.0,
         ge=1,

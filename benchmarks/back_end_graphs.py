@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -65,7 +66,7 @@ def solved(odometry: dict[str, Trajectory], closures: list[Closure], pcm: PcmSet
 # --------------------------------------------------------------------------------------------------------- whole graphs
 def whole(arguments: argparse.Namespace) -> None:
     """Every graph as one robot or as the team it is, none false, against GTSAM's solvers."""
-    for name, graph in _graphs(arguments, seeds=1):
+    for name, graph in _graphs(arguments):
         of = team(graph, 0, 0.0)
         ours = solved(of.odometry, of.closures)
         factors, odometry = _factors(graph)
@@ -140,13 +141,15 @@ def cut(arguments: argparse.Namespace) -> None:
         "far": far_loops,
         "look-alike": look_alike_loops,
     }
-    for name, graph in _graphs(arguments, seeds=1):
+    for name, of_seed in _kinds(arguments):
+        graph = of_seed(arguments.first_seed)
         alone = len(np.unique(graph.robot)) == 1
         for robots in (2, 3, 5, 10) if alone else (0,):
             if robots and len(graph.robot) < 4 * robots:
                 continue
-            totals, worst, slowest, joined, runs = np.zeros(4, int), 1.0, 0.0, 0, 0
+            totals, worst, slowest, joined, joinable, runs = np.zeros(4, int), 1.0, 0.0, 0, 0, 0
             for seed in range(arguments.first_seed, arguments.first_seed + arguments.seeds):
+                graph = of_seed(seed)
                 for share in (0.0, 0.1, 0.3, 0.5):
                     kind = list(kinds)[seed % len(kinds)]
                     of = team(graph.cut(robots) if robots else graph, seed, share, kinds[kind])
@@ -154,10 +157,12 @@ def cut(arguments: argparse.Namespace) -> None:
                     totals += _counts(found.kept, of.true)
                     worst = max(worst, _against_clean(of, found.result))
                     slowest, joined, runs = max(slowest, found.seconds), joined + _whole(found.result), runs + 1
+                    joinable += _joinable(of, checkable=True) == 1
             parts = f"in {robots}" if robots else "as it is"
             print(
-                f"cut {name} {parts}, {runs} teams: {_shares(totals)} (goals 99 %, 0.2 %), one component in {joined},"
-                f" error at most {worst:.3f} x the clean solution's (goal 1.05), at most {slowest:.1f} s (goal 10)",
+                f"cut {name} {parts}, {runs} teams: {_shares(totals)} (goals 99 %, 0.2 %), one component in {joined}"
+                f" (more than one closure holds {joinable} together), error at most {worst:.3f} x the clean"
+                f" solution's (goal 1.05), at most {slowest:.1f} s (goal 10)",
                 flush=True,
             )
 
@@ -169,7 +174,7 @@ def peers(arguments: argparse.Namespace) -> None:
         "PCM as published": PcmSettings(noise=STATED, method="clique"),
         "GNC alone": PcmSettings(noise=STATED, enabled=False),
     }
-    for name, graph in _graphs(arguments, seeds=1):
+    for name, graph in _graphs(arguments):
         if len(graph.robot) > 2000:
             continue
         alone = len(np.unique(graph.robot)) == 1
@@ -189,7 +194,7 @@ def sigmas(arguments: argparse.Namespace) -> None:
     """Standard deviations stated wrongly by one factor."""
     for factor in (0.1, 0.3, 1.0, 3.0, 10.0):
         totals = np.zeros(4, int)
-        for _, graph in _graphs(arguments, seeds=1):
+        for _, graph in _graphs(arguments):
             if len(graph.robot) > 2000 or len(np.unique(graph.robot)) > 1 or len(graph.robot) < 100:
                 continue
             wrong = replace(graph.cut(3), covariance=graph.covariance * factor**2)
@@ -214,18 +219,27 @@ def many(arguments: argparse.Namespace) -> None:
 
 
 def large(arguments: argparse.Namespace) -> None:
-    """Graphs of thousands of poses and loops: half of all loops false, between robots or within them."""
-    kinds: dict[str, Callable[..., list[Closure]]] = {"between robots": random_loops, "within robots": own_loops}
+    """Graphs of thousands of poses and loops, half of all loops false and between robots."""
+    _large(arguments, random_loops)
+
+
+def own(arguments: argparse.Namespace) -> None:
+    """The same with all false loops within robots."""
+    _large(arguments, own_loops)
+
+
+def _large(arguments: argparse.Namespace, false: Callable[..., list[Closure]]) -> None:
     for name, (make, robots) in LARGE.items():
-        for kind, false in kinds.items():
-            of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
-            found = solved(of.odometry, of.closures)
-            print(
-                f"large {name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of"
-                f" them false, {kind}: {_shares(_counts(found.kept, of.true))},"
-                f" {len(found.result.components)} components, {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
-                flush=True,
-            )
+        if arguments.graphs is not None and not any(word in name for word in arguments.graphs):
+            continue
+        of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
+        found = solved(of.odometry, of.closures)
+        print(
+            f"{name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of them false:"
+            f" {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components,"
+            f" {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
+            flush=True,
+        )
 
 
 def _peak_gb() -> float:
@@ -389,15 +403,20 @@ def _share_kept(odometry: dict[str, Trajectory], closures: list[Closure]) -> flo
 
 
 # -------------------------------------------------------------------------------------------------------------- figures
-def _graphs(arguments: argparse.Namespace, seeds: int) -> Iterator[tuple[str, Graph]]:
-    """Those that `--graphs` names: files by their name, made ones by their kind."""
+def _kinds(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[int], Graph]]]:
+    """Those that `--graphs` names, and the graph of a seed: files by their name, made ones by their kind."""
     for name in FILES:
         if arguments.graphs is None or any(word in name for word in arguments.graphs):
-            yield name, read(name)
+            graph = read(name)
+            yield name, lambda _, graph=graph: graph  # type: ignore[misc]
     for kind, make in (MADE | HELD_OUT).items():
         if arguments.graphs is None or any(word in kind for word in arguments.graphs):
-            for seed in range(arguments.first_seed, arguments.first_seed + seeds):
-                yield f"{kind} {seed}", make(seed)
+            yield kind, make
+
+
+def _graphs(arguments: argparse.Namespace) -> Iterator[tuple[str, Graph]]:
+    """The graph of the first seed of each."""
+    yield from ((name, of_seed(arguments.first_seed)) for name, of_seed in _kinds(arguments))
 
 
 def _counts(kept: BoolArray, true: BoolArray) -> np.ndarray:
@@ -413,12 +432,15 @@ def _whole(result: GraphResult) -> bool:
     return len(result.components) == 1
 
 
-def _joinable(of: CutTeam) -> int:
-    """Components that the true closures make."""
+def _joinable(of: CutTeam, *, checkable: bool = False) -> int:
+    """Components that the true closures make; `checkable`: without single ones that nothing else can confirm."""
     joined: nx.Graph[str] = nx.Graph()
     joined.add_nodes_from(of.odometry)
     true = (c for c, is_true in zip(of.closures, of.true, strict=True) if is_true)
-    joined.add_edges_from((c.query.robot, c.match.robot) for c in true)
+    count = Counter(frozenset((c.query.robot, c.match.robot)) for c in true)
+    joined.add_edges_from((a, b) for a, b in combinations(of.odometry, 2) if count[frozenset((a, b))])
+    if checkable:
+        joined.remove_edges_from([ends for ends in nx.bridges(joined) if count[frozenset(ends)] == 1])  # type: ignore[misc]
     return nx.number_connected_components(joined)
 
 
@@ -454,4 +476,5 @@ ROWS: dict[str, Callable[[argparse.Namespace], None]] = {
     "short": short,
     "many": many,
     "large": large,
+    "own": own,
 }

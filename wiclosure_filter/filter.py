@@ -136,9 +136,9 @@ class WiClosureFilter:
         settings, links, alignments = self.settings.alignment, dict(links), dict(alignments)
         cycles = Cycles(alignments, links, trajectories, settings.drift_inflation)
         alignments |= {pair: alignments[pair].doubted(reason) for pair, reason in cycles.contradictions().items()}
-        alignments |= replace(cycles, alignments=alignments).without_refuted_readings(settings.guard.min_odds)
-        orders = NameOrders.of(alignments, trajectories, wireless, settings)
+        orders = NameOrders.of(alignments, links, trajectories, wireless, settings)
         mixed_up, objection = orders.mixed_up, orders.objection(settings.guard.min_odds)
+        alignments |= replace(cycles, alignments=alignments).without_refuted_readings(settings.guard.min_odds)
         if objection:  # which also makes of two robots' few alternatives those of two others
             pruned = [pair for pair, one in alignments.items() if not one.ambiguous or one.likely_alternatives]
             alignments |= {pair: alignments[pair].doubted(objection) for pair in pruned}

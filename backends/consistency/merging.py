@@ -27,6 +27,7 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 REFINEMENTS = 4  # of the scale of sigma
 SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
+VAGUE = 0.2  # of a path's extent: where odometry drifts as far, false loops fit as well
 MOST = 0.95  # of the loops, which as many sigmas as that leave in
 TORN = "what the estimate leaves of its set would not be accepted"
 
@@ -129,7 +130,7 @@ def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> floa
 
 
 def _finer(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> float:
-    """A smaller factor, where residuals are far apart and the loops that it leaves out are false.
+    """A smaller factor, where residuals are far apart or odometry knows little, and the loops it leaves out are false.
 
     Where sigma is stated far too large, false loops fit it by accident and strain all else.  They stay out under a
     larger sigma as well than the other residuals ask for, while of true ones more and more would fit.
@@ -139,7 +140,8 @@ def _finer(robots: Robots, settings: MergeSettings, everything: Settled, scale: 
     def inliers(under: float) -> Settled:
         return by_own_inliers(robots.scaled(under), everything.scaled(under), limit)
 
-    if not sigma_scale.far_apart(inliers(scale).redundant, robots.degrees):
+    vague = robots.scaled(scale).drift_share() > VAGUE
+    if not vague and not sigma_scale.far_apart(inliers(scale).redundant, robots.degrees):
         return scale
     room, least = 0.5 * scale, sigma_scale.least(settings.most_scale)
     while room > least:
@@ -172,7 +174,7 @@ def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale:
         inlier = settled.inlier.copy()
         inlier[np.concatenate([c.rows for c in joining])] = True
         after = _settled(robots, new_group, inlier, poses, limit)
-        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings.min_size)]
+        standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings)]
         if connect(standing, group, new_group):
             group, settled = new_group, after
         else:

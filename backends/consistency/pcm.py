@@ -119,6 +119,7 @@ def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
         ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,
         most_scale=settings.max_scale,
+        view_steps=settings.view_keyframes,
     )
 
 

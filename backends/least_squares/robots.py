@@ -60,6 +60,19 @@ class Robots:
         """Of each robot."""
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
 
+    def drift_share(self) -> float:
+        """How far the odometry of a path may drift, one sigma of its steps' translations, by the path's extent.
+
+        The median of the robots that close loops of their own; 0 without any.
+        """
+        of_step = np.trace(self.odometry.covariance[:, 3:, 3:], axis1=1, axis2=2) / 3.0
+        drift_m = np.sqrt(np.bincount(self.robot[self.odometry.first], of_step, self.count))
+        paths = np.split(self.poses[:, :3, 3], self.first_nodes[1:])
+        extent_m = np.array([np.linalg.norm(np.ptp(path, axis=0)) for path in paths])
+        closing = np.unique(self.robot[self.loops.first[self.own]])
+        shares = drift_m[closing] / np.maximum(extent_m[closing], 1e-9)
+        return float(np.median(shares)) if len(closing) else 0.0
+
     def scaled(self, factors: float | FloatArray) -> Robots:
         """All standard deviations times one factor, or `(2,)` of rotation and translation."""
         odometry, loops = (

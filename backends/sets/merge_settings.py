@@ -15,6 +15,7 @@ class MergeSettings:
         ambiguous_share: a set that contradicts another of the same pair and has this share of its size leaves it open.
         min_size: closures that a set must have.
         most_scale: standard deviations may be stated so many times too small or too large; 1 takes them as they are.
+        view_steps: keyframes between scans that still see the same; odometry matches each to the next.
     """
 
     agree_limit: float
@@ -22,3 +23,4 @@ class MergeSettings:
     ambiguous_share: float = 0.8
     min_size: int = 2
     most_scale: float = 1.0
+    view_steps: float = 10.0

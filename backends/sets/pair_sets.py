@@ -22,8 +22,6 @@ from wiclosure.backends.sets.claims import Claims
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.types import BoolArray, IntArray
 
-VIEW_STEPS = 10.0  # keyframes between scans that still see the same; odometry matches each to the next
-
 
 def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
     """Rows of the closures between each two groups."""
@@ -59,28 +57,36 @@ def sets_between(
     consistent_sets = comparison.consistent_sets(settings.agree_limit)
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
-        _check_by_itself(robots, candidate, group, settled, settings.min_size)
+        _check_by_itself(robots, candidate, group, settled, settings)
     _compare_sizes(found, settings.ambiguous_share)
     return found
 
 
 def stands(
-    robots: Robots, candidate: CandidateSet, inlier: BoolArray, group: IntArray, settled: Settled, min_size: int
+    robots: Robots,
+    candidate: CandidateSet,
+    inlier: BoolArray,
+    group: IntArray,
+    settled: Settled,
+    settings: MergeSettings,
 ) -> bool:
     """Whether what an estimate by `inlier (M,)` has left of a set between `group` would hold by the same rules."""
     kept = inlier[candidate.rows]
     if kept.all() or not kept.any():
         return bool(kept.all())
     left = candidate.subset(kept)
-    _check_by_itself(robots, left, group, settled, min_size)
+    _check_by_itself(robots, left, group, settled, settings)
     return left.holds
 
 
-def _check_by_itself(robots: Robots, candidate: CandidateSet, group: IntArray, settled: Settled, min_size: int) -> None:
+def _check_by_itself(
+    robots: Robots, candidate: CandidateSet, group: IntArray, settled: Settled, settings: MergeSettings
+) -> None:
     """What there is to say for and against a set, were it the only one of its pair."""
     candidate.coverage = _coverage(robots, candidate, group, settled)
-    candidate.places = _places(robots, candidate)
-    candidate.objection = _objection(robots, candidate, min_size)
+    view_m = settings.view_steps * robots.step_m
+    candidate.places = _places(robots, candidate, view_m)
+    candidate.objection = _objection(robots, candidate, settings.min_size, view_m)
 
 
 def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Places:
@@ -95,10 +101,10 @@ def _span(candidate: CandidateSet) -> float:
     return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
-def _views(robots: Robots, candidate: CandidateSet, span: float) -> float:
-    """The span by how far apart scans still match."""
+def _views(candidate: CandidateSet, span: float, view_m: float) -> float:
+    """The span by how far apart scans still match: as far as a view reaches, or as far as these do."""
     claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
-    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), VIEW_STEPS * robots.step_m)
+    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), view_m)
     return span / max(reach, 1e-9)
 
 
@@ -120,19 +126,19 @@ def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled:
     return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))
 
 
-def _places(robots: Robots, candidate: CandidateSet) -> int:
+def _places(robots: Robots, candidate: CandidateSet, view_m: float) -> int:
     """How many closures, up to `SATURATED`, lie no view apart from each other along either path."""
     left = np.stack([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]], axis=1)
     left = left[np.lexsort((left[:, 1], left[:, 0]))]
     count = 0
     while len(left) and count < SATURATED:
         near = (robots.robot[left] == robots.robot[left[0]]).all(axis=1)
-        near &= (np.abs(robots.along_m[left] - robots.along_m[left[0]]) < VIEW_STEPS * robots.step_m).all(axis=1)
+        near &= (np.abs(robots.along_m[left] - robots.along_m[left[0]]) < max(view_m, 1e-9)).all(axis=1)
         left, count = left[~near], count + 1
     return max(count, 1)
 
 
-def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:
+def _objection(robots: Robots, candidate: CandidateSet, min_size: int, view_m: float) -> str:
     """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
     size, total = len(candidate), candidate.closure_set.total
     if size == 1:
@@ -142,7 +148,7 @@ def _objection(robots: Robots, candidate: CandidateSet, min_size: int) -> str:
     if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
     span, needed = _span(candidate), LEAST_OF_THREE if size <= 3 else LEAST_COVERAGE
-    if candidate.coverage >= needed or _views(robots, candidate, span) >= 1 or robots.predicted[candidate.rows].any():
+    if candidate.coverage >= needed or _views(candidate, span, view_m) >= 1 or robots.predicted[candidate.rows].any():
         return ""
     return (
         f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"

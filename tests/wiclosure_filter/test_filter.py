@@ -17,7 +17,7 @@ from wiclosure.types import AoaPath, FilterResult, Trajectory, WirelessLog, Wire
 from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.config import FilterSettings, GateSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
-from wiclosure.workers import ThisProcess, Workers
+from wiclosure.workers import Workers
 
 RADIUS_M = 35.0
 
@@ -281,14 +281,14 @@ def half_clockwise(odometry: dict[str, Trajectory], wireless: WirelessLog) -> tu
     return spoiled, WiClosureFilter().candidates(odometry, spoiled)
 
 
-@pytest.fixture(params=["here", "processes", pytest.param("dask", marks=pytest.mark.slow)])
+@pytest.fixture(params=["processes", pytest.param("dask", marks=pytest.mark.slow)])
 def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
     if request.param == "dask":
         pytest.importorskip("distributed")
         with cluster("local:2") as there:
             yield there
     else:
-        yield ThisProcess() if request.param == "here" else Processes(2)
+        yield Processes(2)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")

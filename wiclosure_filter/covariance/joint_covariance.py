@@ -45,12 +45,23 @@ class JointCovariance:
         turn = self._turn(poses)
         return self._alone(poses), turn @ self.root.with_one(poses, int(poses[one])) @ turn[one].T
 
+    def of_two(self, n: int, m: int) -> FloatArray:
+        """Covariance `(12, 12)` of two poses; those that were asked for lately are known."""
+        poses = np.array([n, m])
+        turn = self._turn(poses)
+        cross = self._recent((n,), poses[:1], turn[:1]).cross(self._recent((m,), poses[1:], turn[1:]))[0, 0]
+        own_n, own_m = self._alone(poses)
+        return np.block([[own_n, cross], [cross.T, own_m]])
+
     def positions(self, robot: int, dimensions: int) -> Rows:
         """What the positions of all poses of a robot depend on, horizontal ones or in space."""
-        key = robot, dimensions
+        poses = np.arange(self.first[robot], self.first[robot + 1])
+        return self._recent((robot, dimensions), poses, self._turn(poses)[:, 3 : 3 + dimensions])
+
+    def _recent(self, key: tuple[int, ...], poses: IntArray, parts: FloatArray) -> Rows:
+        """Those of the key, if they were asked for lately."""
         if key not in self._kept:
-            poses = np.arange(self.first[robot], self.first[robot + 1])
-            rows = self._asked(poses, self._turn(poses)[:, 3 : 3 + dimensions])
+            rows = self._asked(poses, parts)
             self._kept.add(key, rows, rows.values.nbytes)
         self._kept.forget([key])
         return self._kept[key]

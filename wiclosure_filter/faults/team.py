@@ -18,7 +18,9 @@ from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs, swapped
 from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import LIKELIER, quick_settings
+from wiclosure.wiclosure_filter.faults.renamed import Displacements, missed
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.links.links import Links
 
 _MOST_ROBOTS = 4  # of larger teams there are too many orders to try
 _MIXED_UP = 0.02  # odds of each other order of the names
@@ -40,6 +42,7 @@ class NameOrders:
     def of(
         cls,
         alignments: Mapping[tuple[str, str], FrameAlignment],
+        links: Mapping[tuple[str, str], Links],
         trajectories: Mapping[str, Trajectory],
         log: WirelessLog,
         settings: AlignmentSettings,
@@ -47,18 +50,24 @@ class NameOrders:
         """None of them where the team is no small one, or nothing about any two robots is in doubt.
 
         Args:
-            alignments: by what the log claims.
+            alignments: by what the log claims, with what third robots refute: under another order they may err too.
+            links: of each pair.
             trajectories: of all robots.
             log: all measurements.
             settings: of the alignment.
         """
         robots = list(trajectories)
-        doubted = any(alignment.suspected_fault for alignment in alignments.values())
+        doubted = [alignment for alignment in alignments.values() if alignment.suspected_fault]
         if not 3 <= len(robots) <= _MOST_ROBOTS or not doubted:
             return cls()
         quick = quick_settings(settings)
         orders = [dict(zip(robots, order, strict=True)) for order in permutations(robots) if list(order) != robots]
+        if all(alignment.only_blunders for alignment in doubted):  # all fit: geometry tells what else may
+            told = [Displacements.of(alignment, links[pair]) for pair, alignment in alignments.items()]
+            orders = [order for order in orders if missed(told, order, trajectories) < 2 * LIKELIER]
         likely = [(_log_likelihood(c.apply((trajectories, log)), quick), c) for c in map(swapped, orders)]
+        if all(log_likelihood == -np.inf for log_likelihood, _ in likely):
+            return cls()
         return cls(_log_likelihood((trajectories, log), quick), tuple(likely))
 
     @property

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -106,7 +107,7 @@ class Observations:
         a, b = (np.linalg.norm(np.ptp(p[:, :2], axis=0)) for p in (self.a, self.b))
         return float(a), float(b)
 
-    @property
+    @cached_property
     def typical_distance_m(self) -> float:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]
@@ -117,7 +118,7 @@ class Observations:
         """`(M,)` distance of the antennas, measured or borrowed, or a usual one where nothing was ranged."""
         return np.where(np.isfinite(self.near_range_m), self.near_range_m, UNKNOWN_DISTANCE_M)
 
-    @property
+    @cached_property
     def tells_height(self) -> bool:
         """True where elevations were measured, or ranges between robots that go up and down."""
         elevated = (~self.flat & (self.weight > 0)).any()

@@ -42,16 +42,16 @@ def drift_scale(
     """
     squared = 2.0 * odometry.error(values)
     own, following = root.chains()
-    linear = steps.linearize(values)
-    of_odometry = sum(_determined(linear.at(i), own, following) for i in range(linear.size()))
-    determined = 6 * len(own) - of_odometry - 6 * robots
+    determined = 6 * len(own) - _determined(steps.linearize(values), own, following) - 6 * robots
     return float(np.sqrt((prior_weight + 2.0 + squared) / (prior_weight + max(determined, 0.0))))
 
 
-def _determined(step: gtsam.GaussianFactor, own: FloatArray, following: FloatArray) -> float:
-    """How much of a step's measurement is a surprise no more: trace of `J C J^T`."""
-    J, _ = step.jacobian()
-    n, m = step.keys()
-    of_first, of_second = J[:, :6], J[:, 6:]
-    both = of_first @ own[n] @ of_first.T + of_second @ own[m] @ of_second.T
-    return float(np.trace(both + 2.0 * of_first @ following[n] @ of_second.T))
+def _determined(steps: gtsam.GaussianFactorGraph, own: FloatArray, following: FloatArray) -> float:
+    """How much of the steps' measurements is a surprise no more: trace of `J C J^T`."""
+    factors = [steps.at(number) for number in range(steps.size())]
+    J = np.array([factor.jacobian()[0] for factor in factors]).reshape(-1, 6, 12)
+    n = np.array([factor.keys()[0] for factor in factors], np.int64)
+    of_first, of_second = J[..., :6], J[..., 6:]
+    squared = [(of_first @ own[n], of_first), (of_second @ own[n + 1], of_second)]
+    mixed = (2.0 * of_first @ following[n], of_second)
+    return float(sum(np.sum(left * right) for left, right in (*squared, mixed)))

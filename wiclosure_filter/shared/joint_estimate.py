@@ -83,9 +83,7 @@ class JointEstimate:
 
     def _of_middles(self, robot_a: str, robot_b: str) -> FloatArray:
         """`(12, 12)` covariance of the middle nodes of two robots, in the shared axes."""
-        middles = (np.array([self.first[robot] + self.reach[robot].middle]) for robot in (robot_a, robot_b))
-        own_a, cross, own_b = self.covariance.of_pairs(*middles)
-        return np.block([[own_a[0], cross[0]], [cross[0].T, own_b[0]]])
+        return self.covariance.of_two(*(self.first[robot] + self.reach[robot].middle for robot in (robot_a, robot_b)))
 
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """See `SharedEstimate`."""
@@ -235,8 +233,15 @@ def estimate(
     # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
     scale = 1.0
     for _ in range(MOST_RESCALINGS):
-        before, root = scale, SquareRoot.of(factors.graph.linearize(values))
-        scale = drift_scale(as_modelled, factors.steps, values, root, robots=len(nodes), prior_weight=drift_weight)
+        before = scale
+        scale = drift_scale(
+            as_modelled,
+            factors.steps,
+            values,
+            SquareRoot.of(factors.graph.linearize(values)),  # given up at once: of a large team there is room for one
+            robots=len(nodes),
+            prior_weight=drift_weight,
+        )
         scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
         factors = replace(factors, steps=step_factors(scaled, first))
         values = _optimum(factors, values)

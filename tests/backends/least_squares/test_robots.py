@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,3 +49,11 @@ def test_a_scale_of_sigma_is_squared_in_covariances_and_changes_nothing_else(rob
         np.testing.assert_array_equal(part.second, before.second)
     np.testing.assert_array_equal(scaled.poses, robots.poses)
     assert robots.loops.covariance[0, 0, 0] == 1.0
+
+
+def test_drift_is_shared_by_the_extent_of_paths_that_close_loops(robots):
+    """Two steps of 5 m each axis, on a path that reaches 20 m; the other robots have no loops of their own."""
+    poses = robots.poses.copy()
+    poses[2:5, 0, 3] = [0.0, 20.0, 10.0]
+    assert replace(robots, poses=poses).drift_share() == pytest.approx(np.sqrt(2 * 5.0) / 20.0)
+    assert replace(robots, loops=edges([(0, 2)])).drift_share() == 0.0

@@ -7,6 +7,8 @@ from scipy.stats import chi2
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.settling import (
+    MU_GROWTH,
+    NEWTON_STEPS,
     Settled,
     fewest_errors,
     graduated,
@@ -14,6 +16,7 @@ from wiclosure.backends.least_squares.settling import (
     settle,
     truncated_cost,
 )
+from wiclosure.backends.least_squares.system import STEPS, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 
 SIGMA = np.repeat([0.01, 0.05], 3)
@@ -124,6 +127,25 @@ def test_gnc_finds_the_inliers_from_odometry_alone():
     inlier, found = graduated(odometry, spoiled(loops, wrong), [poses], HELD, LIMIT)
     assert np.flatnonzero(~inlier).tolist() == wrong
     assert_same(found, truth, 0.3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gnc_takes_no_more_steps_than_mu_needs_to_leave_none_undecided(monkeypatch, seed):
+    """From where the worst residual is as likely an inlier as not, to mu = 1: from twice the limit on, no weight."""
+    odometry, loops, poses, _ = path(seed)
+    bad, solutions, solved = spoiled(loops, [0, 3, 4, 8, 11]), [], System.solved
+
+    def counted(self, start, weights=None, steps=STEPS):
+        found = solved(self, start, weights, steps)
+        solutions.append((steps, self.chi_squares(found)[len(odometry) :]))
+        return found
+
+    monkeypatch.setattr(System, "solved", counted)
+    inlier, _ = graduated(odometry, bad, [poses], HELD, LIMIT)
+    plain, last, taken = solutions[0][1], solutions[-1][1], sum(steps == NEWTON_STEPS for steps, _ in solutions)
+    assert last[~inlier].min() > 2 * LIMIT
+    first_mu = LIMIT / (2 * plain.max() - LIMIT)
+    assert 2 <= taken <= 1 + np.ceil(-np.log(first_mu) / np.log(MU_GROWTH))
 
 
 def test_gnc_keeps_all_where_the_plain_answer_fits():

@@ -16,9 +16,14 @@ def test_defaults_are_those_of_the_users_settings():
 
 
 def test_every_setting_comes_from_the_one_of_its_meaning():
-    settings = PcmSettings(probability=0.9, ambiguous_share=0.5, min_clique_size=3, max_scale=7.0)
+    settings = PcmSettings(probability=0.9, ambiguous_share=0.5, min_clique_size=3, max_scale=7.0, view_keyframes=4.0)
     assert merge_settings(settings) == MergeSettings(
-        agree_limit=pytest.approx(10.6446, abs=1e-4), probability=0.9, ambiguous_share=0.5, min_size=3, most_scale=7.0
+        agree_limit=pytest.approx(10.6446, abs=1e-4),
+        probability=0.9,
+        ambiguous_share=0.5,
+        min_size=3,
+        most_scale=7.0,
+        view_steps=4.0,
     )
 
 

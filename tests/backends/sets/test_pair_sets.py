@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -45,10 +47,10 @@ def team(ends, *, robots=2, seed=0, shift=(), predicted=()):
     return Robots(robot, poses, Edges.stacked([]), loops, told, along_m, length_m, STEP_M), estimate, truth
 
 
-def sets(ends, **changes):
+def sets(ends, settings=SETTINGS, **changes):
     robots, estimate, _ = team(ends, **changes)
     group = np.arange(2)
-    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, SETTINGS)
+    return sets_between(robots, np.arange(len(robots.loops)), group, estimate, settings)
 
 
 def spread(count, seed=0):
@@ -90,6 +92,15 @@ def test_closures_of_one_place_are_doubted_unless_predicted():
     assert told.objection == ""
 
 
+def test_how_far_one_view_reaches_is_for_the_user_to_say():
+    positions = team([])[2][:, :3, 3].reshape(2, NODES, 3)
+    apart = np.linalg.norm(positions[0, :-6, None] - positions[1, None, :-6], axis=2)
+    i, j = np.unravel_index(np.argmin(apart), apart.shape)
+    ends = [(0, i + n, 1, j + n) for n in range(6)]
+    doubted = [bool(sets(ends, replace(SETTINGS, view_steps=reach))[0].objection) for reach in (10.0, 2.0)]
+    assert doubted == [True, False]
+
+
 @pytest.mark.parametrize(("shifted", "doubted"), [(6, [True, True]), (3, [False, True])])
 def test_a_set_that_contradicts_another_leaves_both_open_if_it_is_as_large(shifted, doubted):
     found = sets(spread(7 + shifted, 4), shift=range(7, 7 + shifted))
@@ -129,7 +140,7 @@ def test_neighbouring_closures_count_as_one_place():
 def test_what_an_estimate_leaves_of_a_set_is_judged_as_a_set(left, holds):
     robots, estimate, _ = team(spread(8))
     (found,) = sets_between(robots, np.arange(8), np.arange(2), estimate, SETTINGS)
-    assert stands(robots, found, np.arange(8) < left, np.arange(2), estimate, SETTINGS.min_size) == holds
+    assert stands(robots, found, np.arange(8) < left, np.arange(2), estimate, SETTINGS) == holds
 
 
 def test_three_closures_at_any_places_are_no_single_place_in_all_but_one_of_two_hundred():

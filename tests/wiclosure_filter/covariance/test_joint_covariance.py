@@ -74,6 +74,8 @@ def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
     n, m = np.array([0, 5, 5, 8]), np.array([10, 9, 15, 10])
     for block, expected in zip(got.of_pairs(n, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
         np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)
+    two = whole[[3, 12]][:, :, [3, 12]].reshape(12, 12)
+    np.testing.assert_allclose(got.of_two(3, 12), two, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(table(got, 0, 1)[2, 1], displacement(whole, 2, 10), rtol=1e-8)
     np.testing.assert_allclose(table(got, 1, 2)[6, 0], displacement(whole, 15, 16), rtol=1e-8)
 

@@ -50,7 +50,7 @@ cases = given(
 )
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=200, deadline=None, derandomize=True)
 @cases
 def test_no_pair_is_lost_and_none_added(seed: int, d: int, shortest: bool, gate_settings: GateSettings) -> None:
     assert_finds_what_brute_force_finds(seed, d, shortest, gate_settings)
