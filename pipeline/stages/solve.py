@@ -66,7 +66,9 @@ def solve(
         seconds=seconds,
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
+        doubts=found.consistent.doubts,
         diagnosis=(
+            *found.consistent.doubts,
             *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
             *corrections,
             *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
@@ -74,7 +76,7 @@ def solve(
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
-            *found.consistent.diagnosis,
+            *found.consistent.remarks,
             *found.graph.diagnosis,
         ),
     )

@@ -23,7 +23,7 @@ _WHERE = {
 
 def next_steps(result: RunResult) -> list[str]:
     """Sentences, the most pressing first; empty where nothing is wrong."""
-    steps = [*_false_closures(result), *_connections(result), *_radio(result)]
+    steps = [*_false_closures(result), *_doubts(result), *_connections(result), *_radio(result)]
     rest = len(steps) - MOST_STEPS
     return steps[:MOST_STEPS] + ([f"{rest} more pairs of robots have like troubles; see below."] if rest > 0 else [])
 
@@ -38,6 +38,14 @@ def _false_closures(result: RunResult) -> list[str]:
         f" A stricter consistency check refuses more: raise pcm.min_clique_size (now"
         f" {config.pcm.min_clique_size}) or registration.min_inlier_ratio (now"
         f" {config.registration.min_inlier_ratio:g})."
+    ]
+
+
+def _doubts(result: RunResult) -> list[str]:
+    return [
+        f"{doubt}. Compare both scans of closures of either set under Closures; let the robots share places that look"
+        " different, or measure more by radio between them."
+        for doubt in result.solution.doubts
     ]
 
 

@@ -32,7 +32,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
     alignments = solution.filtered.alignments
     return {
         "name": solution.filtered.filter_name,
-        "verdict": run_verdict(metrics, next_steps(result)),
+        "verdict": run_verdict(metrics, next_steps(result), doubtful=bool(solution.doubts)),
         "numbers": headline_numbers(metrics),
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),
