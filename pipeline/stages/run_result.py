@@ -38,6 +38,7 @@ class Solution:
         seconds_spent: wall time really spent, registrations that other arms had done left out.
         bytes_exchanged: what the robots would have sent each other.
         diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
+        contradictions: those on robots of which radio and closures, or clocks, tell differently.
         doubts: those on robots of which two sets of closures contradict each other, one of them accepted.
     """
 
@@ -49,6 +50,7 @@ class Solution:
     seconds_spent: dict[str, float]
     bytes_exchanged: int
     diagnosis: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
 

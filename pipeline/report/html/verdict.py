@@ -9,17 +9,16 @@ from wiclosure.display import listed, significant
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 
-def run_verdict(metrics: Metrics, steps: Sequence[str], *, doubtful: bool = False) -> dict[str, Any]:
+def run_verdict(metrics: Metrics, steps: Sequence[str], doubts: Sequence[str] = ()) -> dict[str, Any]:
     """Tone (`good`, `warn` or `bad`), sentence, what to do next, and what the run says of itself.
 
     Args:
         metrics: of the run.
         steps: what to do next; empty where nothing is wrong.
-        doubtful: whether closures that were accepted are contradicted by others that agree as well.
+        doubts: what else belongs into the sentence, as clauses.
     """
     parts, tone = [_connected(metrics)], "good" if len(metrics["components"]) == 1 else "bad"
-    if doubtful:
-        parts.append("the map may be wrong, since sets of closures contradict each other")
+    parts += doubts
     if (error_m := metrics["ate_m"].get("team")) is not None:
         parts.append(f"the error against ground truth is {significant(error_m)} m")
     if false := metrics["closures"]["accepted_false"]:
