@@ -42,30 +42,34 @@ class Clique:
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """A linearised graph of K poses.
+    """A linearised graph of poses 0 ... K-1.
 
     Args:
-        cliques: depth first, so that those above come first and neighbours near each other.
-        solution: `(K, 6)` the poses' movements that solve it.
+        tree: of cliques, as GTSAM has them.
     """
 
-    cliques: Sequence[Clique]
-    solution: FloatArray
+    tree: gtsam.GaussianBayesTree
 
+    @classmethod
+    def of(cls, linear: gtsam.GaussianFactorGraph) -> Eliminated:
+        """Eliminates all poses.
 
-def eliminate(linear: gtsam.GaussianFactorGraph) -> Eliminated:
-    """Eliminates poses 0 ... K-1.
+        Raises:
+            numpy.linalg.LinAlgError: some pose is not determined.
+        """
+        try:
+            return cls(linear.eliminateMultifrontal(gtsam.Ordering.MetisGaussianFactorGraph(linear)))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error).strip().splitlines()[0]) from None
 
-    Raises:
-        numpy.linalg.LinAlgError: some pose is not determined.
-    """
-    try:
-        tree = linear.eliminateMultifrontal(gtsam.Ordering.MetisGaussianFactorGraph(linear))
-    except RuntimeError as error:
-        raise np.linalg.LinAlgError(str(error).strip().splitlines()[0]) from None
-    cliques = [_clique(members, parent) for members, parent in _joined(tree)]
-    solution = tree.optimize()
-    return Eliminated(cliques, np.array([solution.at(key) for key in range(solution.size())]))
+    def solution(self) -> FloatArray:
+        """`(K, 6)` the poses' movements that solve the graph."""
+        values = self.tree.optimize()
+        return np.array([values.at(key) for key in range(values.size())])
+
+    def cliques(self) -> list[Clique]:
+        """Depth first, so that those above come first and neighbours near each other."""
+        return [_clique(members, parent) for members, parent in _joined(self.tree)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.covariance.cliques import Clique, eliminate
+from wiclosure.wiclosure_filter.covariance.cliques import Clique, Eliminated
 from wiclosure.wiclosure_filter.covariance.recent import Recent
 
 MOST_BYTES = 1 << 29  # of rows that are kept: what robots share that lie near each other
@@ -29,27 +28,22 @@ class SquareRoot:
         cliques: depth first, so that those above come first and neighbours near each other.
         clique_of: `(K,)` number of each pose's clique.
         slot: `(K,)` number of each pose in its clique.
-        solution: `(K, 6)` the poses' movements that solve the linearised graph.
     """
 
     cliques: Sequence[Clique]
     clique_of: IntArray
     slot: IntArray
-    solution: FloatArray
     _known: Recent[FloatArray] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     @classmethod
-    def of(cls, linear: gtsam.GaussianFactorGraph) -> SquareRoot:
-        """Of a linearised graph over poses 0 ... K-1.
-
-        Raises:
-            numpy.linalg.LinAlgError: some pose is not determined.
-        """
-        eliminated = eliminate(linear)
-        clique_of, slot = (np.empty(len(eliminated.solution), np.int64) for _ in range(2))
-        for number, clique in enumerate(eliminated.cliques):
+    def of(cls, eliminated: Eliminated) -> SquareRoot:
+        """Of a graph's elimination."""
+        cliques = eliminated.cliques()
+        size = sum(len(clique.poses) for clique in cliques)
+        clique_of, slot = (np.empty(size, np.int64) for _ in range(2))
+        for number, clique in enumerate(cliques):
             clique_of[clique.poses], slot[clique.poses] = number, np.arange(len(clique.poses))
-        return cls(eliminated.cliques, clique_of, slot, eliminated.solution)
+        return cls(cliques, clique_of, slot)
 
     def rows(self, poses: IntArray, parts: FloatArray) -> tuple[FloatArray, IntArray]:
         """Rows of R^-1, as columns: how poses depend on the independent z.
