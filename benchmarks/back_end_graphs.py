@@ -219,18 +219,27 @@ def many(arguments: argparse.Namespace) -> None:
 
 
 def large(arguments: argparse.Namespace) -> None:
-    """Graphs of thousands of poses and loops: half of all loops false, between robots or within them."""
-    kinds: dict[str, Callable[..., list[Closure]]] = {"between robots": random_loops, "within robots": own_loops}
+    """Graphs of thousands of poses and loops, half of all loops false and between robots."""
+    _large(arguments, random_loops)
+
+
+def own(arguments: argparse.Namespace) -> None:
+    """The same with all false loops within robots."""
+    _large(arguments, own_loops)
+
+
+def _large(arguments: argparse.Namespace, false: Callable[..., list[Closure]]) -> None:
     for name, (make, robots) in LARGE.items():
-        for kind, false in kinds.items():
-            of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
-            found = solved(of.odometry, of.closures)
-            print(
-                f"large {name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of"
-                f" them false, {kind}: {_shares(_counts(found.kept, of.true))},"
-                f" {len(found.result.components)} components, {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
-                flush=True,
-            )
+        if arguments.graphs is not None and not any(word in name for word in arguments.graphs):
+            continue
+        of = team(make(arguments.first_seed).cut(robots), arguments.first_seed, 0.5, false)
+        found = solved(of.odometry, of.closures)
+        print(
+            f"{name}, {len(of.graph.robot)} poses in {robots} robots, {len(of.closures)} closures, half of them false:"
+            f" {_shares(_counts(found.kept, of.true))}, {len(found.result.components)} components,"
+            f" {found.seconds:.1f} s (goal 10), {_peak_gb():.1f} GB",
+            flush=True,
+        )
 
 
 def _peak_gb() -> float:
@@ -467,4 +476,5 @@ ROWS: dict[str, Callable[[argparse.Namespace], None]] = {
     "short": short,
     "many": many,
     "large": large,
+    "own": own,
 }
