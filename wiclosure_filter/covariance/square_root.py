@@ -118,15 +118,19 @@ class SquareRoot:
             own[:] = (moved + clique.response @ found[at[clique.separator]].reshape(-1, 6)).reshape(own.shape)
         return found[at[poses]]
 
-    def chains(self) -> tuple[FloatArray, FloatArray]:
-        """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
+    def near(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Covariance `(K, 6, 6)` of each pose, and `(M, 6, 6)` of poses n with m: NaN where neither follows the other.
 
-        With the covariance of all that a clique follows known, its own comes of it (Takahashi et al., Formation of a
-        sparse bus impedance matrix, 1973): what it follows is in the clique above, or followed by that.
+        Those that a factor joins follow one another.  With the covariance of all that a clique follows known, its own
+        comes of it (Takahashi et al., Formation of a sparse bus impedance matrix, 1973): what it follows is in the
+        clique above, or followed by that.
         """
         size = len(self.clique_of)
-        own, following = np.zeros((size, 6, 6)), np.zeros((max(size - 1, 0), 6, 6))
-        at = np.full(size + 2, -1)  # of pose + 1: those before the first and after the last are never there
+        own, cross = np.zeros((size, 6, 6)), np.full((len(n), 6, 6), np.nan)
+        last = np.maximum(self.clique_of[n], self.clique_of[m])
+        order = np.argsort(last, kind="stable")
+        bounds = np.searchsorted(last[order], np.arange(len(self.cliques) + 1))
+        at = np.full(size, -1)
         fronts: dict[int, tuple[IntArray, FloatArray]] = {}  # on the way down to a clique
         for number, clique in enumerate(self.cliques):
             while fronts and next(reversed(fronts)) != clique.parent:
@@ -135,14 +139,12 @@ class SquareRoot:
             fronts[number] = both, front
             rows = np.arange(len(clique.poses))
             own[clique.poses] = front[rows, rows]
-            at[both + 1] = np.arange(len(both))
-            after, before = at[clique.poses + 2], at[clique.poses]
-            there = after >= 0
-            following[clique.poses[there]] = front[rows[there], after[there]]
-            there = before >= 0
-            following[clique.poses[there] - 1] = front[before[there], rows[there]]
-            at[both + 1] = -1
-        return own, following
+            at[both] = np.arange(len(both))
+            pairs = order[bounds[number] : bounds[number + 1]]
+            pairs = pairs[(at[n[pairs]] >= 0) & (at[m[pairs]] >= 0)]
+            cross[pairs] = front[at[n[pairs]], at[m[pairs]]]
+            at[both] = -1
+        return own, cross
 
     def with_ancestors(self, poses: IntArray) -> IntArray:
         """Cliques of poses and all above them, increasing."""

@@ -61,7 +61,8 @@ class JointEstimate:
         """
         nodes, first, T_world_node = optimum.team.nodes, optimum.team.first, optimum.T_world_node
         bounds = np.array([*first.values(), len(T_world_node)])
-        covariance = JointCovariance(SquareRoot.of(optimum.eliminated), bounds, T_world_node[:, :3, :3])
+        root, linked = SquareRoot.of(optimum.eliminated), optimum.team.linked
+        covariance = JointCovariance(root, bounds, T_world_node[:, :3, :3], linked)
         return cls(nodes, first, T_world_node, covariance, optimum.dimensions)
 
     def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
