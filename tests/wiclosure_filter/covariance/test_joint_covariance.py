@@ -12,6 +12,8 @@ from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 
+from .plan import inverse
+
 CHAINS = (9, 7, 3)
 FIRST = np.cumsum([0, *CHAINS])
 LINKS = [[(2, 11), (11, 17)], [(0, 9), (4, 9), (8, 15), (8, 18)], [(i, 9 + i % 7) for i in range(9)] + [(3, 16)]]
@@ -33,13 +35,6 @@ def graph_of(links: list[tuple[int, int]]) -> gtsam.GaussianFactorGraph:
     for link in links:
         graph.add(random_factor(link))
     return graph
-
-
-def inverse(graph: gtsam.GaussianFactorGraph) -> FloatArray:
-    ordering = gtsam.Ordering()
-    for key in range(FIRST[-1]):
-        ordering.push_back(key)
-    return np.asarray(np.linalg.inv(graph.hessian(ordering)[0]).reshape(FIRST[-1], 6, FIRST[-1], 6))
 
 
 def axes() -> FloatArray:
