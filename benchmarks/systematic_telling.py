@@ -25,9 +25,13 @@ def tellable(world: World, fault: Fault, rng: np.random.Generator) -> bool:
     ideal = Case(world.truth, world.truth, _exact(world))
     spoiled = fault.spoil(ideal, rng)
     a, b = spoiled.odometry["a"], spoiled.odometry["b"]
-    rows = np.array([int(np.argmin(np.abs(a.stamps_ns - m.stamp_ns))) for m in spoiled.log.measurements])
-    ranges = np.array([m.range_m for m in spoiled.log.measurements])
-    azimuth = np.array([m.paths[0].azimuth for m in spoiled.log.measurements]) + se3.yaw(a.poses[rows])
+    # The filter leaves out what was measured while one of the odometries was not running.
+    heard = [m for m in spoiled.log.measurements if all(t.covers(np.array([m.stamp_ns]))[0] for t in (a, b))]
+    if not heard:
+        return False
+    rows = np.array([int(np.argmin(np.abs(a.stamps_ns - m.stamp_ns))) for m in heard])
+    ranges = np.array([m.range_m for m in heard])
+    azimuth = np.array([m.paths[0].azimuth for m in heard]) + se3.yaw(a.poses[rows])
     seen = a.positions[rows, :2] + ranges[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     since = (a.stamps_ns[rows] - b.stamps_ns[0]) / 1e9
     at_b = np.column_stack([np.interp(since, (b.stamps_ns - b.stamps_ns[0]) / 1e9, b.positions[:, k]) for k in (0, 1)])
