@@ -69,7 +69,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         if factors is None:
             break
         restated = robots.scaled(factors)
-        merged = _under_one_factor(restated, settings)
+        merged = _under_one_factor(restated, settings.after(factors))
         merged.factors = merged.factors * factors
     return merged
 
@@ -80,7 +80,7 @@ def _under_one_factor(robots: Robots, settings: MergeSettings) -> MergedGroups:
     scale = _finer(robots, settings, by_inliers, _scale(robots, settings, everything, by_inliers))
     merged = _merged(robots, settings, by_inliers, scale)
     left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
-    better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
+    better = _allowed(scale * (left or 1.0), settings)
     if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
         return merged
     return _merged(robots, settings, by_inliers, better)
@@ -95,7 +95,7 @@ def _own_loops(robots: Robots, settings: MergeSettings, everything: Settled) -> 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
-    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
+    least, most = settings.least_scale, settings.most_scale
 
     def under(more: FloatArray) -> VarianceComponents:
         of = robots.scaled(np.clip(merged.factors * more, least, most))  # where all is exact, there is no end
@@ -115,14 +115,14 @@ def _scale(
         as_stated = by_inliers(1.0)
         fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
         if fitting is not None and fitting <= sigma_scale.NO_MATTER:
-            wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
+            wider = _allowed(known, settings)  # where sigma is too small, few fit, and by chance
             under_wider = by_inliers(wider)
             if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
-                return sigma_scale.settled(fitting, most)
+                return _allowed(fitting, settings)
     for _ in range(REFINEMENTS):
         if known is None:
             break
-        before, scale = scale, sigma_scale.settled(known, most)
+        before, scale = scale, _allowed(known, settings)
         if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
             return scale
         left = sigma_scale.of_residuals(by_inliers(scale).redundant, robots.degrees)
@@ -136,7 +136,11 @@ def _scale(
     widest = settings.agree_limit * (2.0 * most) ** 2
     largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
     comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
-    return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
+    return _allowed(sigma_scale.of_sets(comparisons, settings.agree_limit, most), settings)
+
+
+def _allowed(scale: float, settings: MergeSettings) -> float:
+    return sigma_scale.settled(scale, settings.least_scale, settings.most_scale)
 
 
 def _finer(robots: Robots, settings: MergeSettings, by_inliers: Callable[[float], Settled], scale: float) -> float:
@@ -148,14 +152,14 @@ def _finer(robots: Robots, settings: MergeSettings, by_inliers: Callable[[float]
     vague = robots.scaled(scale).drift_share() > VAGUE
     if not vague and not sigma_scale.far_apart(by_inliers(scale).redundant, robots.degrees):
         return scale
-    room, least = 0.5 * scale, sigma_scale.least(settings.most_scale)
+    room, least = 0.5 * scale, settings.least_scale
     while room > least:
         settled = by_inliers(room)
         kept, fitting = settled.inlier.sum(), sigma_scale.of_residuals(settled.redundant, robots.degrees)
         if fitting is None or 2 * kept < robots.own.sum():
             return scale
         if fitting <= 0.5 and by_inliers(max(fitting * room, least)).inlier.sum() >= MOST * kept:
-            return sigma_scale.settled(fitting * room, settings.most_scale)
+            return _allowed(fitting * room, settings)
         room *= 0.5
     return scale
 
