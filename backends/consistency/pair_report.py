@@ -18,6 +18,8 @@ class PairConsistency:
         proven: false if the time ran out before a larger set was excluded.
         ambiguous: that set is nearly as large, so that neither is accepted.
         sentence: the same for the user.
+        rival: size of the largest set that contradicts what is accepted and is at least half as large, where nothing
+            refutes it; 0 without one.
     """
 
     robot_a: str
@@ -29,3 +31,16 @@ class PairConsistency:
     proven: bool
     ambiguous: bool
     sentence: str
+    rival: int = 0
+
+    @property
+    def doubt(self) -> str:
+        """That the map may be wrong, for the user; empty where nothing says so."""
+        if not self.rival:
+            return ""
+        name = self.robot_a if self.robot_a == self.robot_b else f"{self.robot_a} and {self.robot_b}"
+        return (
+            f"{name}: the map may be wrong: {self.kept} closures agree with each other and are"
+            f" accepted, but {self.rival} others agree as well and contradict them, as where places look alike; nothing"
+            " tells which are true"
+        )

@@ -19,6 +19,8 @@ from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
 from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
+_ONE_PLACE = 2  # closures that agree by being of the same place
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PcmResult:
@@ -37,7 +39,17 @@ class PcmResult:
     basis: tuple[TeamArrays, MergedGroups] | None = None
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """A sentence for each pair of robots of which two sets of closures contradict each other, one accepted."""
+        return tuple(pair.doubt for pair in self.pairs if pair.doubt)
+
+    @property
     def diagnosis(self) -> tuple[str, ...]:
+        """All of it, the `doubts` first."""
+        return (*self.doubts, *self.remarks)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
         """One sentence for each pair of robots."""
         sentences = tuple(pair.sentence for pair in self.pairs)
         if self.scale == 1:
@@ -137,11 +149,10 @@ def _report(
     """Of one pair of robots, or of one robot, from the sets found there, largest first."""
     sizes = [*map(len, found), 0, 0]
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
+    rival = max((len(c) for c in found if kept and c.objection and 2 * len(c) >= kept), default=0)
     objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
-        rival = max((len(c) for c in found if c.objection and 2 * len(c) >= kept), default=0)
-        doubt = f"; but {rival} others agree with each other instead: do places look alike?" if rival > 2 else ""
-        said = f"{kept} of {len(closure_set)} closures agree and are accepted{doubt}"
+        said = f"{kept} of {len(closure_set)} closures agree and are accepted"
     elif len(closure_set) == 1:
         said = "a single closure cannot be checked"
     else:
@@ -149,7 +160,7 @@ def _report(
     ambiguous = not kept and bool(objections) and objections[0].startswith("ambiguous")
     return PairConsistency(
         closure_set.robot_a, closure_set.robot_b, len(closure_set), kept, sizes[0], sizes[1], proven=True,
-        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}",
+        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}", rival=rival if rival > _ONE_PLACE else 0,
     )  # fmt: skip
 
 

@@ -270,13 +270,13 @@ def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | 
     said = {
         Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; it contradicts {found}; its measurements"
         " between these robots are left out",
-        Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): {found}, and its measurements allow"
-        " that as well; it was less certain than it seemed, and is left out between these robots",
-        Verdict.RADIO: f"places that look alike are the likely fault ({odds}): {found}, but contradict the radio, which"
+        Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): it contradicts {found}, and its"
+        " measurements allow those as well; it was less certain than it seemed, and is left out between these robots",
+        Verdict.RADIO: f"places that look alike are the likely fault ({odds}): {found} contradict the radio, which"
         " nothing else speaks against; the closures are left out",
         Verdict.NEITHER: f"the radio is the likely fault ({odds}), {fault}; with that put right it still contradicts"
-        f" {found}: from places that look alike, it seems; no closure between these robots is accepted",
-        Verdict.UNDECIDED: f"undecided ({odds}): {found} and contradict the"
+        f" {found}, from places that look alike, it seems; no closure between these robots is accepted",
+        Verdict.UNDECIDED: f"undecided ({odds}): {found} contradict the"
         f" radio; the radio may be at fault, {fault}, or the places look alike; no closure between them is accepted",
     }
     verdict = weighed.verdict

@@ -131,7 +131,7 @@ def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettin
     wrong = [float(known + logsumexp(of) - r.log_sizes) for r, of in zip(tried, each, strict=True)]
     log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
     if log_odds < np.log(settings.decisive_odds):
-        return Fit.GOOD if log_odds < 0 and as_read > _FITS else Fit.OPEN
+        return Fit.GOOD if log_odds < -np.log(settings.decisive_odds) and as_read > _FITS else Fit.OPEN
     order = np.argsort(wrong)[::-1]
     if each[order[0]].max() < _FITS:
         return Contradiction(log_odds)

@@ -24,7 +24,7 @@ def sentences(
     *,
     corrects: bool,
 ) -> tuple[str, ...]:
-    """What filter, closures and merged map tell of the radio, nothing of it twice.
+    """What closures and merged map tell of the radio, and the filter does not.
 
     Args:
         filtered: of the filter.
@@ -40,7 +40,7 @@ def sentences(
         for pair, found in by_map.items()
         if pair not in checked and not _is_named(named.get(pair, ""), found)
     ]
-    return (*filtered.diagnosis, *said)
+    return tuple(said)
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

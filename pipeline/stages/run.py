@@ -149,7 +149,7 @@ def run_stages(
         inputs.ground_truth,
         config.evaluation,
         costs=_costs(prepared, solution, took["mapping"]),
-        diagnosis=[*_about_inputs(prepared), *solution.diagnosis],
+        diagnosis=[*solution.diagnosis, *_about_inputs(prepared)],
     )
     if prepared.grounding.earth:
         metrics["earth"] = earth_metrics(prepared.grounding, solution.graph)

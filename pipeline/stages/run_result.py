@@ -37,7 +37,9 @@ class Solution:
         seconds: time per stage, as if nothing had been computed before; of registrations side by side, their sum.
         seconds_spent: wall time really spent, registrations that other arms had done left out.
         bytes_exchanged: what the robots would have sent each other.
-        diagnosis: sentences for the user: why there are few or no closures.
+        diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
+        contradictions: those on robots of which radio and closures, or clocks, tell differently.
+        doubts: those on robots of which two sets of closures contradict each other, one of them accepted.
     """
 
     filtered: FilterResult
@@ -48,6 +50,8 @@ class Solution:
     seconds_spent: dict[str, float]
     bytes_exchanged: int
     diagnosis: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

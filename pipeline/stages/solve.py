@@ -56,6 +56,10 @@ def solve(
         found = _estimated(attempts, log, earth, took)
 
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
+    contradictions = (
+        *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
+        *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
+    )
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
     return Solution(
@@ -66,15 +70,18 @@ def solve(
         seconds=seconds,
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
+        contradictions=contradictions,
+        doubts=found.consistent.doubts,
         diagnosis=(
-            *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
+            *found.consistent.doubts,
+            *contradictions,
             *corrections,
-            *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
+            *filtered.diagnosis,
             *(one.sentence for one in found.rivals),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
-            *found.consistent.diagnosis,
+            *found.consistent.remarks,
             *found.graph.diagnosis,
         ),
     )

@@ -24,20 +24,23 @@ class JointCovariance:
         root: of the information of all poses, each in its own axes.
         first: `(R + 1,)` number of the first pose of each robot, and K.
         turn: `(K, 3, 3)` from each pose's own axes into those that the covariances are wanted in.
+        linked: `(L,)` poses of one robot, and those of others that factors join them with: asked for more cheaply.
     """
 
     root: SquareRoot
     first: IntArray
     turn: FloatArray
+    linked: tuple[IntArray, IntArray]
     _kept: Recent[Rows] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     def of_pairs(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Covariances `(M, 6, 6)` of poses n of one robot, of these with poses m of another, and of the latter."""
-        if len(n) == 0:
-            return np.zeros((0, 6, 6)), np.zeros((0, 6, 6)), np.zeros((0, 6, 6))
-        (rows, of_n), (columns, of_m) = (np.unique(poses, return_inverse=True) for poses in (n, m))
-        cross = self._rows(rows).cross(self._rows(columns))
-        return self._alone(n), cross[of_n, of_m], self._alone(m)
+        cross = self._of_linked(n, m)
+        others = np.flatnonzero(np.isnan(cross[:, 0, 0]))
+        if len(others):
+            (rows, of_n), (columns, of_m) = (np.unique(poses[others], return_inverse=True) for poses in (n, m))
+            cross[others] = self._rows(rows).cross(self._rows(columns))[of_n, of_m]
+        return self._alone(n), cross, self._alone(m)
 
     def about(self, robot: int, one: int) -> tuple[FloatArray, FloatArray]:
         """Covariances `(n, 6, 6)` of all poses of a robot, and of these with one of them."""
@@ -78,9 +81,29 @@ class JointCovariance:
         turn = self._turn(poses)
         return np.asarray(turn @ self._own[poses] @ np.swapaxes(turn, 1, 2))
 
+    def _of_linked(self, n: IntArray, m: IntArray) -> FloatArray:
+        """Covariances `(M, 6, 6)` of poses n with m, of those that are linked; NaN of others."""
+        linked, size = self._numbers, len(self.turn)
+        if len(linked) == 0:
+            return np.full((len(n), 6, 6), np.nan)
+        place = np.minimum(np.searchsorted(linked, n * size + m), len(linked) - 1)
+        found = np.where((linked[place] == n * size + m)[:, None, None], self._near[1][place], np.nan)
+        return np.asarray(self._turn(n) @ found @ np.swapaxes(self._turn(m), 1, 2))
+
     @cached_property
+    def _numbers(self) -> IntArray:
+        """Of linked pairs of poses, increasing."""
+        n, m = self.linked
+        return np.unique(n * len(self.turn) + m)
+
+    @cached_property
+    def _near(self) -> tuple[FloatArray, FloatArray]:
+        """Covariance of each pose, and of linked ones."""
+        return self.root.near(*np.divmod(self._numbers, len(self.turn)))
+
+    @property
     def _own(self) -> FloatArray:
-        return self.root.chains()[0]
+        return self._near[0]
 
     def _turn(self, poses: IntArray) -> FloatArray:
         turn = np.zeros((len(poses), 6, 6))

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.covariance.cliques import Clique, eliminate
+from wiclosure.wiclosure_filter.covariance.cliques import Clique, Eliminated
 from wiclosure.wiclosure_filter.covariance.recent import Recent
 
 MOST_BYTES = 1 << 29  # of rows that are kept: what robots share that lie near each other
@@ -29,27 +28,22 @@ class SquareRoot:
         cliques: depth first, so that those above come first and neighbours near each other.
         clique_of: `(K,)` number of each pose's clique.
         slot: `(K,)` number of each pose in its clique.
-        solution: `(K, 6)` the poses' movements that solve the linearised graph.
     """
 
     cliques: Sequence[Clique]
     clique_of: IntArray
     slot: IntArray
-    solution: FloatArray
     _known: Recent[FloatArray] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     @classmethod
-    def of(cls, linear: gtsam.GaussianFactorGraph) -> SquareRoot:
-        """Of a linearised graph over poses 0 ... K-1.
-
-        Raises:
-            numpy.linalg.LinAlgError: some pose is not determined.
-        """
-        eliminated = eliminate(linear)
-        clique_of, slot = (np.empty(len(eliminated.solution), np.int64) for _ in range(2))
-        for number, clique in enumerate(eliminated.cliques):
+    def of(cls, eliminated: Eliminated) -> SquareRoot:
+        """Of a graph's elimination."""
+        cliques = eliminated.cliques()
+        size = sum(len(clique.poses) for clique in cliques)
+        clique_of, slot = (np.empty(size, np.int64) for _ in range(2))
+        for number, clique in enumerate(cliques):
             clique_of[clique.poses], slot[clique.poses] = number, np.arange(len(clique.poses))
-        return cls(eliminated.cliques, clique_of, slot, eliminated.solution)
+        return cls(cliques, clique_of, slot)
 
     def rows(self, poses: IntArray, parts: FloatArray) -> tuple[FloatArray, IntArray]:
         """Rows of R^-1, as columns: how poses depend on the independent z.
@@ -124,15 +118,19 @@ class SquareRoot:
             own[:] = (moved + clique.response @ found[at[clique.separator]].reshape(-1, 6)).reshape(own.shape)
         return found[at[poses]]
 
-    def chains(self) -> tuple[FloatArray, FloatArray]:
-        """Covariance `(K, 6, 6)` of each pose, and `(K - 1, 6, 6)` of each pose with the next one; 0 where apart.
+    def near(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Covariance `(K, 6, 6)` of each pose, and `(M, 6, 6)` of poses n with m: NaN where neither follows the other.
 
-        With the covariance of all that a clique follows known, its own comes of it (Takahashi et al., Formation of a
-        sparse bus impedance matrix, 1973): what it follows is in the clique above, or followed by that.
+        Those that a factor joins follow one another.  With the covariance of all that a clique follows known, its own
+        comes of it (Takahashi et al., Formation of a sparse bus impedance matrix, 1973): what it follows is in the
+        clique above, or followed by that.
         """
         size = len(self.clique_of)
-        own, following = np.zeros((size, 6, 6)), np.zeros((max(size - 1, 0), 6, 6))
-        at = np.full(size + 2, -1)  # of pose + 1: those before the first and after the last are never there
+        own, cross = np.zeros((size, 6, 6)), np.full((len(n), 6, 6), np.nan)
+        last = np.maximum(self.clique_of[n], self.clique_of[m])
+        order = np.argsort(last, kind="stable")
+        bounds = np.searchsorted(last[order], np.arange(len(self.cliques) + 1))
+        at = np.full(size, -1)
         fronts: dict[int, tuple[IntArray, FloatArray]] = {}  # on the way down to a clique
         for number, clique in enumerate(self.cliques):
             while fronts and next(reversed(fronts)) != clique.parent:
@@ -141,14 +139,12 @@ class SquareRoot:
             fronts[number] = both, front
             rows = np.arange(len(clique.poses))
             own[clique.poses] = front[rows, rows]
-            at[both + 1] = np.arange(len(both))
-            after, before = at[clique.poses + 2], at[clique.poses]
-            there = after >= 0
-            following[clique.poses[there]] = front[rows[there], after[there]]
-            there = before >= 0
-            following[clique.poses[there] - 1] = front[before[there], rows[there]]
-            at[both + 1] = -1
-        return own, following
+            at[both] = np.arange(len(both))
+            pairs = order[bounds[number] : bounds[number + 1]]
+            pairs = pairs[(at[n[pairs]] >= 0) & (at[m[pairs]] >= 0)]
+            cross[pairs] = front[at[n[pairs]], at[m[pairs]]]
+            at[both] = -1
+        return own, cross
 
     def with_ancestors(self, poses: IntArray) -> IntArray:
         """Cliques of poses and all above them, increasing."""

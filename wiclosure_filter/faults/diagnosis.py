@@ -45,21 +45,6 @@ def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
     return bool(alignment.suspected_fault) or strained
 
 
-def likeliest_fault(
-    alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog, settings: AlignmentSettings
-) -> Correction | None:
-    """The correction that makes the measurements fit, or None where none does.
-
-    Args:
-        alignment: of two robots, by what the log claims.
-        trajectories: of both.
-        log: all measurements.
-        settings: of the alignment.
-    """
-    best = likeliest(alignment, trajectories, log, settings)
-    return None if best is None else tried(alignment, trajectories, log, settings)[0][best]
-
-
 def likeliest(
     alignment: FrameAlignment, trajectories: Mapping[str, Trajectory], log: WirelessLog, settings: AlignmentSettings
 ) -> int | None:

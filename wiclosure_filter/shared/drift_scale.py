@@ -41,7 +41,8 @@ def drift_scale(
         prior_weight: determined parameters that the drift model counts as.
     """
     squared = 2.0 * odometry.error(values)
-    own, following = root.chains()
+    node = np.arange(len(root.clique_of))
+    own, following = root.near(node[:-1], node[1:])
     determined = 6 * len(own) - _determined(steps.linearize(values), own, following) - 6 * robots
     return float(np.sqrt((prior_weight + 2.0 + squared) / (prior_weight + max(determined, 0.0))))
 

@@ -167,6 +167,14 @@ class TeamNodes:
         """Number of each robot's first node."""
         return dict(zip(self.nodes, np.cumsum([0, *(len(n) for n in self.nodes.values())]).tolist(), strict=False))
 
+    @property
+    def linked(self) -> tuple[IntArray, IntArray]:
+        """Numbers of the nodes `(L,)` at both ends of all links."""
+        none = np.zeros(0, np.int64)
+        at_a = np.concatenate([none, *(self.first[a] + ends[0] for (a, _), ends in self.ends.items())])
+        at_b = np.concatenate([none, *(self.first[b] + ends[1] for (_, b), ends in self.ends.items())])
+        return at_a, at_b
+
 
 def without_bias(drift: DriftModel, length_m: float) -> DriftModel:
     """A drift model of random walks only, that is nowhere below the given one on a trajectory of this length.

@@ -13,36 +13,21 @@ plus both bridges.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray, PredictionKind
 from wiclosure.wiclosure_filter.covariance.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
-from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.search.gates import Gate
 from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairModel
-from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, with_constant_errors
-from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
-from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, TeamNodes
-from wiclosure.wiclosure_filter.shared.joint_factors import (
-    JointFactors,
-    add_first_guess,
-    add_height,
-    frame_factors,
-    link_factors,
-    step_factors,
-)
-from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
+from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
+from wiclosure.wiclosure_filter.shared.joint_optimum import JointOptimum
 from wiclosure.wiclosure_filter.shared.reach import Reach, meeting_stretches, near_enough
-
-# The drift is scaled again where it grew by this factor, at most so often.
-GROWN, MOST_RESCALINGS = 1.2, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +51,19 @@ class JointEstimate:
     dimensions: int
     kind: ClassVar[PredictionKind] = PredictionKind.POSE
     alternatives: ClassVar[int] = 1
+
+    @classmethod
+    def of(cls, optimum: JointOptimum) -> JointEstimate:
+        """With covariances.
+
+        Raises:
+            numpy.linalg.LinAlgError: some node is not determined.
+        """
+        nodes, first, T_world_node = optimum.team.nodes, optimum.team.first, optimum.T_world_node
+        bounds = np.array([*first.values(), len(T_world_node)])
+        root, linked = SquareRoot.of(optimum.eliminated), optimum.team.linked
+        covariance = JointCovariance(root, bounds, T_world_node[:, :3, :3], linked)
+        return cls(nodes, first, T_world_node, covariance, optimum.dimensions)
 
     def models(self, robot_a: str, robot_b: str, gate: Gate | None = None) -> tuple[PairModel, ...]:
         """Predicted displacements between all keyframes of two robots; see `SharedEstimate`."""
@@ -124,13 +122,6 @@ class JointEstimate:
         R_world_a = self.T_world_node[node_a, :3, :3] @ T_node_a[:, :3, :3]
         T_a_b[:, :3, 3] = np.einsum("mji,mj->mi", R_world_a, apart)
         return T_a_b, C_ab
-
-    def misfit(self, kept: KeptLinks, node_a: IntArray, node_b: IntArray) -> float:
-        """Median residual of the links between nodes `(L,)` of their two robots (see `KeptLinks.misfit`)."""
-        links = kept.links
-        return kept.misfit(
-            self.T_world_node[self.first[links.robot_a] + node_a], self.T_world_node[self.first[links.robot_b] + node_b]
-        )
 
     def _rows(self, robot: str) -> slice:
         return slice(self.first[robot], self.first[robot] + len(self.nodes[robot]))
@@ -193,74 +184,6 @@ class JointEstimate:
             fraction=share,
         )
         return Reach.of(places, self.T_world_node[self._rows(robot), :3, 3], middle, own, with_middle)
-
-
-def estimate(
-    team: TeamNodes,
-    T_world_odom: Mapping[str, FloatArray],
-    prior: FramePrior,
-    *,
-    robust_threshold: float,
-    drift_weight: float,
-    of_errors: Mapping[tuple[str, str], PriorErrors] | None = None,
-) -> JointEstimate:
-    """Optimises all nodes of one component.
-
-    Args:
-        team: nodes and links; the first robot's odometry frame becomes the shared frame.
-        T_world_odom: first guess of each robot's odometry frame.
-        prior: on how the other robots' frames lie in it.
-        robust_threshold: of the kernel on ranges and bearings, in standard deviations.
-        drift_weight: determined parameters that the drift model counts as, see `drift_scale`.
-        of_errors: what is known of the constant errors of each pair's links and odometry.
-    """
-    nodes, first = team.nodes, team.first
-    initial = gtsam.Values()
-    for robot, own in nodes.items():
-        add_first_guess(initial, first[robot], own, T_world_odom[robot])
-    others = frame_factors(initial, {robot: first[robot] for robot in nodes}, prior)
-    links = {}
-    for (a, b), kept in team.links.items():
-        at_a, at_b = first[a] + team.ends[a, b][0], first[b] + team.ends[a, b][1]
-        links[a, b] = link_factors(kept, at_a, at_b, robust_threshold)
-        sigma_m = kept.height_sigma_m(prior, nodes[a].trajectory, nodes[b].trajectory)
-        if sigma_m is not None:
-            middle = len(kept) // 2
-            add_height(others, int(at_a[middle]), int(at_b[middle]), sigma_m)
-    factors = JointFactors(step_factors(nodes, first), links, others)
-    as_modelled, values = factors.steps, _optimum(factors, initial)
-    # The drift scale is estimated from the links, and the estimate repeated with it.  Where the odometry is far worse
-    # than its model, the kernel had weakened the links that contradict it: then the scale grows again.
-    scale = 1.0
-    for _ in range(MOST_RESCALINGS):
-        before = scale
-        scale = drift_scale(
-            as_modelled,
-            factors.steps,
-            values,
-            SquareRoot.of(factors.graph.linearize(values)),  # given up at once: of a large team there is room for one
-            robots=len(nodes),
-            prior_weight=drift_weight,
-        )
-        scaled = {robot: own.with_drift_scaled(scale) for robot, own in nodes.items()}
-        factors = replace(factors, steps=step_factors(scaled, first))
-        values = _optimum(factors, values)
-        if scale < GROWN * before:
-            break
-    T_world_node = np.array([values.atPose3(k).matrix() for k in range(values.size())])
-    linear = with_constant_errors(team, factors, values, of_errors or {})
-    root = SquareRoot.of(linear)
-    if of_errors:
-        T_world_node = T_world_node @ se3.exp(root.solution[: len(T_world_node)])
-    covariance = JointCovariance(root, np.array([*first.values(), values.size()]), T_world_node[:, :3, :3])
-    return JointEstimate(scaled, first, T_world_node, covariance, prior.dimensions)
-
-
-def _optimum(factors: JointFactors, initial: gtsam.Values) -> gtsam.Values:
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setRelativeErrorTol(1e-4)  # of the cost: far below what moves a pose by a centimetre
-    parameters.setOrderingType("METIS")
-    return gtsam.LevenbergMarquardtOptimizer(factors.graph, initial, parameters).optimize()
 
 
 def _turned(R: FloatArray) -> FloatArray:

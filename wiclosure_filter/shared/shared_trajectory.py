@@ -17,7 +17,8 @@ from wiclosure.wiclosure_filter.search.pair_model import PairModel
 from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
 from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, errors_of
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
-from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate, estimate
+from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate
+from wiclosure.wiclosure_filter.shared.joint_optimum import JointOptimum, optimise
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 from wiclosure.wiclosure_filter.shared.shortest_route import ShortestRouteEstimate
 from wiclosure.wiclosure_filter.shared.team_frames import frames_from, settled
@@ -159,12 +160,16 @@ def _joint(
             try:
                 of_each = {pair: errors_of(alignments[pair]) for pair in own}
                 errors = {pair: one for pair, one in of_each.items() if one is not None}
-                joint, misfit = _component({r: trajectories[r] for r in frames}, frames, own, errors, prior, settings)
+                optimum = _optimum({r: trajectories[r] for r in frames}, frames, own, errors, prior, settings)
+                misfit = optimum.misfits()
+                contradicting = _worst(misfit) if len(own) > 1 else []
+                if not contradicting:
+                    joint = JointEstimate.of(optimum)
+                    estimates.update(dict.fromkeys(robot_pairs(list(frames)), joint))
             except (RuntimeError, np.linalg.LinAlgError) as error:  # GTSAM: two antennas at one place, for example
                 diagnosis.append(f"the joint estimate of {', '.join(frames)} failed ({error})")
                 left = [robot for robot in left if robot not in frames]
                 continue
-            contradicting = _worst(misfit) if len(own) > 1 else []
             for pair in contradicting:
                 # Each alignment holds by itself, but not all together: do without the one that fits least.
                 diagnosis.append(
@@ -174,7 +179,6 @@ def _joint(
                 del alignments[pair], kept[pair]
             if contradicting:
                 continue
-            estimates.update(dict.fromkeys(robot_pairs(list(frames)), joint))
         left = [robot for robot in left if robot not in frames]
     return _Joined(estimates, {pair: links for pair, links in kept.items() if pair in estimates}, diagnosis)
 
@@ -201,17 +205,17 @@ def _thinned(
     return thinned, [f"the joint estimate uses {used} of {total} links, evenly over the time"]
 
 
-def _component(
+def _optimum(
     trajectories: Mapping[str, Trajectory],
     frames: Mapping[str, FloatArray],
     kept: Mapping[tuple[str, str], KeptLinks],
     of_errors: Mapping[tuple[str, str], PriorErrors],
     prior: FramePrior,
     settings: SharedTrajectorySettings,
-) -> tuple[JointEstimate, dict[tuple[str, str], float]]:
-    """Joint estimate of robots that links join, and how badly the links of each pair fit it."""
+) -> JointOptimum:
+    """Where robots are that links join."""
     team = TeamNodes.along(trajectories, kept, NodeSpacing(settings.node_spacing_m, settings.node_turn_rad))
-    joint = estimate(
+    return optimise(
         team,
         frames,
         prior,
@@ -219,7 +223,6 @@ def _component(
         drift_weight=settings.drift_weight,
         of_errors=of_errors,
     )
-    return joint, {pair: joint.misfit(links, *team.ends[pair]) for pair, links in kept.items()}
 
 
 def _shortest(

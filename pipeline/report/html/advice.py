@@ -8,7 +8,7 @@ from itertools import product
 
 from wiclosure.pipeline.report.html.closures_data import reason_kind
 from wiclosure.pipeline.report.html.verdict import counted_noun
-from wiclosure.pipeline.stages.run_result import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.types import Closure, FrameAlignment, Stage
 
 MOST_STEPS = 6
@@ -23,7 +23,8 @@ _WHERE = {
 
 def next_steps(result: RunResult) -> list[str]:
     """Sentences, the most pressing first; empty where nothing is wrong."""
-    steps = [*_false_closures(result), *_connections(result), *_radio(result)]
+    steps = [*_false_closures(result), *_doubts(result), *_connections(result)]
+    steps += [*_contradictions(result), *_radio(result)]
     rest = len(steps) - MOST_STEPS
     return steps[:MOST_STEPS] + ([f"{rest} more pairs of robots have like troubles; see below."] if rest > 0 else [])
 
@@ -38,6 +39,27 @@ def _false_closures(result: RunResult) -> list[str]:
         f" A stricter consistency check refuses more: raise pcm.min_clique_size (now"
         f" {config.pcm.min_clique_size}) or registration.min_inlier_ratio (now"
         f" {config.registration.min_inlier_ratio:g})."
+    ]
+
+
+def doubts(solution: Solution) -> list[str]:
+    """What the first sentence of a page must not keep to itself, as clauses."""
+    said = ["the map may be wrong, since sets of closures contradict each other"] if solution.doubts else []
+    return said + (["the radio log seems wrong, or contradicts the closures"] if solution.contradictions else [])
+
+
+def _doubts(result: RunResult) -> list[str]:
+    return [
+        f"{doubt}. Compare both scans of closures of either set under Closures; let the robots share places that look"
+        " different, or measure more by radio between them."
+        for doubt in result.solution.doubts
+    ]
+
+
+def _contradictions(result: RunResult) -> list[str]:
+    return [
+        f"{said}. wiclosure radio check LOG -t NAME=FILE says which key of the data set puts a log right."
+        for said in result.solution.contradictions
     ]
 
 

@@ -11,7 +11,7 @@ from wiclosure.pipeline.config import dump_config
 from wiclosure.pipeline.evaluation.body_axes import in_lidar_axes
 from wiclosure.pipeline.evaluation.closures import TruthCheck
 from wiclosure.pipeline.evaluation.errors import matched, rigid_alignment
-from wiclosure.pipeline.report.html.advice import next_steps
+from wiclosure.pipeline.report.html.advice import doubts, next_steps
 from wiclosure.pipeline.report.html.candidates_data import Overlap, candidate_matrices
 from wiclosure.pipeline.report.html.closures_data import closure_rows, scans_of_closures, stages_with_reasons
 from wiclosure.pipeline.report.html.radio_data import Tracks, radio_pair
@@ -32,7 +32,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
     alignments = solution.filtered.alignments
     return {
         "name": solution.filtered.filter_name,
-        "verdict": run_verdict(metrics, next_steps(result)),
+        "verdict": run_verdict(metrics, next_steps(result), doubts(solution)),
         "numbers": headline_numbers(metrics),
         "robots": _robots(result, placement),
         "map": map_entry(result.merged_map, len(result.fronts), placement.offset[solution.graph.components[0][0]]),

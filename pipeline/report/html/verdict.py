@@ -9,14 +9,16 @@ from wiclosure.display import listed, significant
 from wiclosure.pipeline.evaluation.metrics import Metrics
 
 
-def run_verdict(metrics: Metrics, steps: Sequence[str]) -> dict[str, Any]:
+def run_verdict(metrics: Metrics, steps: Sequence[str], doubts: Sequence[str] = ()) -> dict[str, Any]:
     """Tone (`good`, `warn` or `bad`), sentence, what to do next, and what the run says of itself.
 
     Args:
         metrics: of the run.
         steps: what to do next; empty where nothing is wrong.
+        doubts: what else belongs into the sentence, as clauses.
     """
     parts, tone = [_connected(metrics)], "good" if len(metrics["components"]) == 1 else "bad"
+    parts += doubts
     if (error_m := metrics["ate_m"].get("team")) is not None:
         parts.append(f"the error against ground truth is {significant(error_m)} m")
     if false := metrics["closures"]["accepted_false"]:

@@ -123,8 +123,13 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
         )
         for c in random_closures(team, shifted, rng)
     ]
-    pair = pairwise_consistent(random_closures(team, 8, rng) + false, team.odometry, PcmSettings()).pairs[0]
+    found = pairwise_consistent(random_closures(team, 8, rng) + false, team.odometry, PcmSettings())
+    said, pair = found.doubts, found.pairs[0]
     assert (pair.largest, pair.contradicting, pair.kept, pair.ambiguous) == (8, shifted, 8 * believed, not believed)
+    assert [f"8 closures agree with each other and are accepted, but {shifted} others" in one for one in said] == (
+        [True] if believed else []
+    )
+    assert found.diagnosis == (*said, *found.remarks)
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 

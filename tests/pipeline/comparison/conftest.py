@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias
 
@@ -12,6 +12,7 @@ from wiclosure.pipeline.comparison.outcomes import Comparison, Outcome
 from wiclosure.pipeline.comparison.plan import Plan
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.evaluation.funnel import STAGES
+from wiclosure.pipeline.report import pictures
 
 Compared: TypeAlias = Callable[..., Comparison]
 
@@ -47,6 +48,14 @@ def _comparison_of(value: Callable[[str, int], dict], seeds: int = 6) -> Compari
         for seed in range(seeds)
     )
     return Comparison(plan, outcomes)
+
+
+@pytest.fixture(scope="module")
+def coarse() -> Iterator[None]:
+    """Pictures of few pixels, for speed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "DPI", 40)
+        yield
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,11 @@ from wiclosure.pipeline.cli.options import Configuration, RecordingOptions
 from wiclosure.pipeline.comparison.arms import compare
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
-from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.types import Scan
+
+pytestmark = pytest.mark.usefixtures("coarse")
 
 YARD = ["scenario:demo-site,lidar=vlp16,seed=3"]
 SITE = Configuration(config="small-site", set_=["odometry.num_threads=1"])
@@ -32,14 +32,6 @@ def room_scans() -> list[Scan]:
 
 
 # ------------------------------------------------------------------------------------------------------------ running
-@pytest.fixture(scope="module", autouse=True)
-def coarse() -> Iterator[None]:
-    """Few pixels, for speed."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "DPI", 40)
-        yield
-
-
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Comparison, Path]:
     """One place seen by two robots, twice the same settings under two names."""

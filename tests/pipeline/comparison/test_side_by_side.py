@@ -18,12 +18,13 @@ from wiclosure.pipeline.comparison.one_world import Arms
 from wiclosure.pipeline.comparison.outcomes import Comparison
 from wiclosure.pipeline.comparison.plan import Plan
 from wiclosure.pipeline.data.inputs import Inputs
-from wiclosure.pipeline.report import pictures
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.cluster.connection import cluster
 from wiclosure.pipeline.runtime.log import json_log
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.workers import ThisProcess
+
+pytestmark = pytest.mark.usefixtures("coarse")
 
 FILES = ("config.yaml", "candidates.csv", "closures.csv", "alpha.tum", "beta.tum", "map.ply", "graph.g2o")
 
@@ -93,14 +94,6 @@ def test_a_folder_that_workers_do_not_see_is_named(tmp_path: Path) -> None:
 
 
 # --------------------------------------------------------------------------------------------- the same to the last bit
-@pytest.fixture(scope="module", autouse=True)
-def coarse() -> Iterator[None]:
-    """Few pixels, for speed."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "DPI", 40)
-        yield
-
-
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> tuple[Comparison, Path]:
     folder = tmp_path_factory.mktemp("alone")

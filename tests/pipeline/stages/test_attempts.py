@@ -84,11 +84,6 @@ def late(m: WirelessMeasurement) -> WirelessMeasurement:
     return replace(m, stamp_ns=m.stamp_ns + 2 * 10**9, transmitter_stamp_ns=m.stamp_ns)
 
 
-def test_without_the_check_a_wrong_radio_that_seems_certain_keeps_robots_apart(prepared: Prepared) -> None:
-    refused = run_with(prepared, ten_metres_long, enabled=False)
-    assert [len(c["robots"]) for c in refused.metrics["components"]] == [1, 1]
-
-
 @pytest.mark.parametrize(
     ("change", "cause"), [(in_feet, "in feet"), (late, "clock of beta"), (ten_metres_long, "m too long")]
 )

@@ -32,8 +32,9 @@ def plan() -> gtsam.GaussianFactorGraph:
 
 
 def inverse(graph: gtsam.GaussianFactorGraph) -> FloatArray:
-    """`(K, 6, K, 6)` of the information."""
+    """`(K, 6, K, 6)` of the information of poses 0 to K - 1."""
+    poses = graph.keys().size()
     ordering = gtsam.Ordering()
-    for key in range(FIRST[-1]):
+    for key in range(poses):
         ordering.push_back(key)
-    return np.asarray(np.linalg.inv(graph.hessian(ordering)[0]).reshape(FIRST[-1], 6, FIRST[-1], 6))
+    return np.asarray(np.linalg.inv(graph.hessian(ordering)[0]).reshape(poses, 6, poses, 6))

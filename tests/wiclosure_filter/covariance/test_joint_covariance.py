@@ -8,8 +8,11 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import FloatArray
+from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.joint_covariance import JointCovariance
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
+
+from .plan import inverse
 
 CHAINS = (9, 7, 3)
 FIRST = np.cumsum([0, *CHAINS])
@@ -34,13 +37,6 @@ def graph_of(links: list[tuple[int, int]]) -> gtsam.GaussianFactorGraph:
     return graph
 
 
-def inverse(graph: gtsam.GaussianFactorGraph) -> FloatArray:
-    ordering = gtsam.Ordering()
-    for key in range(FIRST[-1]):
-        ordering.push_back(key)
-    return np.asarray(np.linalg.inv(graph.hessian(ordering)[0]).reshape(FIRST[-1], 6, FIRST[-1], 6))
-
-
 def axes() -> FloatArray:
     return se3.from_yaw(np.linspace(0, 2, FIRST[-1]), np.zeros((FIRST[-1], 3)))[:, :3, :3]
 
@@ -62,16 +58,16 @@ def displacement(whole: FloatArray, n: int, m: int) -> FloatArray:
 
 @pytest.mark.parametrize("links", LINKS)
 def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
-    graph = graph_of(links)
+    graph, ends = graph_of(links), np.array(links)
     turn = both(axes())
     whole = np.einsum("nij,njmk,mlk->niml", turn, inverse(graph), turn)
-    got = JointCovariance(SquareRoot.of(graph), FIRST, axes())
+    got = JointCovariance(SquareRoot.of(Eliminated.of(graph)), FIRST, axes(), (ends[:, 0], ends[:, 1]))
     for robot in range(3):
         own = np.arange(FIRST[robot], FIRST[robot + 1])
         alone, with_second = got.about(robot, 1)
         np.testing.assert_allclose(alone, whole[own, :, own], rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(with_second, whole[own, :, own[1]], rtol=1e-8, atol=1e-12)
-    n, m = np.array([0, 5, 5, 8]), np.array([10, 9, 15, 10])
+    n, m = np.concatenate([[(0, 10), (5, 9), (5, 15), (8, 10)], ends]).T  # some that a factor joins
     for block, expected in zip(got.of_pairs(n, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
         np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)
     two = whole[[3, 12]][:, :, [3, 12]].reshape(12, 12)
@@ -84,7 +80,8 @@ def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
 def test_chains_have_the_blocks_of_neighbours(links: list[tuple[int, int]]) -> None:
     graph = graph_of(links)
     whole = inverse(graph)
-    own, following = SquareRoot.of(graph).chains()
+    n = np.arange(FIRST[-1])
+    own, following = SquareRoot.of(Eliminated.of(graph)).near(n[:-1], n[1:])
     np.testing.assert_allclose(own, np.einsum("ninj->nij", whole), rtol=1e-8, atol=1e-12)
     for key in set(range(FIRST[-1] - 1)) - set((FIRST - 1).tolist()):
         np.testing.assert_allclose(following[key], whole[key, :, key + 1], rtol=1e-8, atol=1e-12)
@@ -95,11 +92,11 @@ def test_the_solution_is_that_of_the_graph() -> None:
     pull = np.random.default_rng(2).normal(size=6)
     graph.add(gtsam.JacobianFactor(4, np.eye(6), pull, gtsam.noiseModel.Unit.Create(6)))
     expected = np.einsum("nij,j->ni", inverse(graph)[:, :, 4], pull)
-    np.testing.assert_allclose(SquareRoot.of(graph).solution, expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(Eliminated.of(graph).solution(), expected, rtol=1e-8, atol=1e-12)
 
 
 def test_undetermined_poses_are_an_error() -> None:
     graph = gtsam.GaussianFactorGraph()
     graph.add(gtsam.JacobianFactor(0, np.zeros((6, 6)), np.zeros(6), gtsam.noiseModel.Unit.Create(6)))
     with pytest.raises(np.linalg.LinAlgError):
-        SquareRoot.of(graph)
+        SquareRoot.of(Eliminated.of(graph))

@@ -7,6 +7,7 @@ import pytest
 
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.covariance import square_root
+from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 
 from .plan import FIRST, LENGTH, inverse, plan
@@ -31,20 +32,21 @@ def cross(root: SquareRoot, a: np.ndarray, b: np.ndarray) -> FloatArray:
 @pytest.mark.parametrize("most_bytes", [1 << 29, 1])  # rows are kept, or computed again each time
 def test_rows_give_all_covariances_of_two_chains(most_bytes: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(square_root, "MOST_BYTES", most_bytes)
-    root = SquareRoot.of(GRAPH)
+    root = SquareRoot.of(Eliminated.of(GRAPH))
     for a, b in ((0, 15), (5, 6), (0, 1), (9, 9)):
         n, m = (np.arange(FIRST[chain], FIRST[chain + 1]) for chain in (a, b))
         np.testing.assert_allclose(cross(root, n, m), INVERSE[n][:, :, m], rtol=1e-9, atol=1e-12)
 
 
 def test_a_column_is_that_of_the_inverse() -> None:
-    root, n = SquareRoot.of(GRAPH), np.arange(FIRST[3], FIRST[4])
+    root, n = SquareRoot.of(Eliminated.of(GRAPH)), np.arange(FIRST[3], FIRST[4])
     for one in (0, int(FIRST[3]) + 7, int(FIRST[-1]) - 1):
         np.testing.assert_allclose(root.with_one(n, one), INVERSE[n, :, one], rtol=1e-9, atol=1e-12)
 
 
 def test_chains_have_their_own_blocks_and_those_of_neighbours() -> None:
-    own, following = SquareRoot.of(GRAPH).chains()
+    n = np.arange(FIRST[-1])
+    own, following = SquareRoot.of(Eliminated.of(GRAPH)).near(n[:-1], n[1:])
     np.testing.assert_allclose(own, np.einsum("ninj->nij", INVERSE), rtol=1e-9, atol=1e-12)
     for key in range(FIRST[-1] - 1):
         if (key + 1) % LENGTH:

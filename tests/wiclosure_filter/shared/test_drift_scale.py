@@ -6,6 +6,7 @@ import gtsam
 import numpy as np
 import pytest
 
+from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 
@@ -25,7 +26,7 @@ def scale_of(residual_sigmas: float, held_sigma: float = 1e-5, prior_weight: flo
     whole = gtsam.NonlinearFactorGraph()
     whole.push_back(odometry)
     whole.push_back(others)
-    root = SquareRoot.of(whole.linearize(values))
+    root = SquareRoot.of(Eliminated.of(whole.linearize(values)))
     return drift_scale(odometry, odometry, values, root, robots=1, prior_weight=prior_weight)
 
 

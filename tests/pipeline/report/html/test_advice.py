@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.report.html.advice import next_steps
+from wiclosure.pipeline.report.html.advice import doubts, next_steps
+from wiclosure.pipeline.report.html.verdict import run_verdict
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import CandidatePairs, Stage, WirelessLog
 
@@ -78,3 +79,16 @@ def test_a_log_without_measurements(run_of: Runs) -> None:
     silent = replace(made, inputs=replace(made.inputs, wireless=WirelessLog()))
     assert next_steps(silent)[0].startswith("There is no radio measurement")
     assert next_steps(filtered(silent, filter_name="none", alignments=())) == []
+
+
+def test_sets_that_contradict_each_other_and_a_wrong_log_are_said_first(run_of: Runs) -> None:
+    result = without(
+        run_of(), contradictions=("alpha and beta: feet",), doubts=("alpha and beta: the map may be wrong",)
+    )
+    first, second = next_steps(result)[:2]
+    assert first.startswith("alpha and beta: the map may be wrong. Compare both scans")
+    assert second.startswith("alpha and beta: feet. wiclosure radio check")
+    verdict = run_verdict(result.metrics, next_steps(result), doubts(result.solution))
+    assert verdict["tone"] == "warn"
+    assert "; the map may be wrong, since" in verdict["sentence"]
+    assert "; the radio log seems wrong, or contradicts the closures" in verdict["sentence"]
