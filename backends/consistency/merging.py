@@ -95,14 +95,14 @@ def _own_loops(robots: Robots, settings: MergeSettings, everything: Settled) -> 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
-    least, most = settings.least_scale, settings.most_scale
 
     def under(more: FloatArray) -> VarianceComponents:
-        of = robots.scaled(np.clip(merged.factors * more, least, most))  # where all is exact, there is no end
+        of = robots.scaled(merged.factors * more)
         return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
-    more = separate_factors(merged.settled.components, under)
-    return None if (more == 1.0).all() else np.clip(merged.factors * more, least, most)
+    bounds = settings.least_scale / merged.factors, settings.most_scale / merged.factors
+    more = separate_factors(merged.settled.components, under, bounds)
+    return None if (more == 1.0).all() else merged.factors * more
 
 
 def _scale(

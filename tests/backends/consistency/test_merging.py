@@ -158,7 +158,7 @@ def test_false_loops_within_robots_do_not_fit_under_a_metre_and_a_radian(team_ma
     assert not kept[len(closures) :].any()
 
 
-@pytest.mark.parametrize(("seed", "sigma"), [(1, 1e-3), (4, 1e-3), (0, 1e-2)])
+@pytest.mark.parametrize(("seed", "sigma"), [(3, 1e-5), (0, 1e-3), (4, 1e-3), (0, 1e-2)])
 def test_measurements_without_noise_written_with_six_digits_are_kept_whatever_they_state(seed, sigma):
     """The factor falls to where only rounding is left, no sign of false loops, and no further."""
     rng, n, odometry, paths = np.random.default_rng(seed), 100, {}, []
