@@ -44,13 +44,11 @@ def test_factors_much_alike_are_one_and_too_little_redundancy_has_none():
 
 
 def test_factors_end_where_they_must_and_are_not_asked_for_beyond():
-    def without_residuals(factors):
-        return VarianceComponents(np.array([1e-9, 1e-9]), np.array([100.0, 100.0]))
-
+    none = VarianceComponents(np.array([1e-9, 1e-9]), np.array([100.0, 100.0]))
     exact = VarianceComponents(np.array([1e-9, 100.0]), np.array([100.0, 100.0]))
     bounds = np.array([0.1, 0.1]), np.array([10.0, 10.0])
     np.testing.assert_allclose(separate_factors(exact, lambda factors: exact, bounds), [0.1, 1.0])
-    np.testing.assert_array_equal(separate_factors(without_residuals(np.ones(2)), without_residuals, bounds), np.ones(2))
+    np.testing.assert_array_equal(separate_factors(none, lambda factors: none, bounds), np.ones(2))
 
 
 def test_planar_residuals_have_one_of_rotation_and_two_of_translation():
