@@ -60,7 +60,9 @@ class VarianceComponents:
 
 
 def separate_factors(
-    components: VarianceComponents, under: Callable[[FloatArray], VarianceComponents], bounds: tuple[FloatArray, FloatArray]
+    components: VarianceComponents,
+    under: Callable[[FloatArray], VarianceComponents],
+    bounds: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Factors `(2,)` under which the residuals are as expected; both 1 where they are much alike.
 
