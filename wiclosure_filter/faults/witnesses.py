@@ -1,8 +1,8 @@
 """Measurements that a joint estimate does not rest on are its witnesses.
 
-A robot that slips bends the alignment with each other robot, and one of these may look right by itself.  The measurements
-between the two others, or those of the slipped robot that are in doubt, then lie far from where the estimate puts them.
-An alignment that closes a cycle with others is confirmed by these; one that hangs alone stands against the witness.
+A robot that slips bends its alignment with each other robot, and one of these may look right by itself.  Those of its
+measurements that are in doubt then lie far from where the estimate puts them.  An alignment that closes a cycle with
+others is confirmed by these; one that hangs alone stands against the witness.
 """
 
 from __future__ import annotations
