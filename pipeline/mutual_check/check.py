@@ -19,8 +19,9 @@ from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, in_words, weigh
-from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, in_words
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence, places
 from wiclosure.types import (
     CandidatePairs,
     Closure,
@@ -34,7 +35,6 @@ from wiclosure.types import (
 )
 
 _FEWEST = 3  # closures that agree with the radio, from which on nothing is in doubt
-_PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
 _NEAR_M = 5.0  # keyframes that are so near register, if they are truly there
 
 Pair = tuple[str, str]
@@ -123,20 +123,17 @@ def check_pair(
         return nothing
     if found.gap is not None and not found.gap.contradicts:
         return PairCheck(outcome.pair, None, tuple(c for c in found.blind if c.live))
-    middle = [central(found.agreeing, both)]
-    claimed = radio.claimed(middle)
-    if found.as_predicted and not claimed.contradicts:
+    evidence = SetEvidence.of(found.agreeing, found.others, radio)
+    if found.as_predicted and not evidence.claimed.contradicts:
         return nothing
-    agrees = found.gap is None and agrees_with_radio(claimed)
-    errors = radio.errors(middle, search=not agrees)
-    closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
+    agrees = found.gap is None and agrees_with_radio(evidence.claimed)
     predicted, refuted = _for_and_against(outcome, config.registration)
-    weighed = weigh(claimed, errors, closures, predicted, refuted, config.mutual_check)
+    weighed = evidence.weighed(evidence.errors(search=not agrees), config.mutual_check, predicted, refuted)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
     inliers = outcome.live if weighed.verdict is Verdict.RADIO else ()
     lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(inliers))
-    return PairCheck(outcome.pair, weighed, found.blind, lost, _clause(closures, found.gap))
+    return PairCheck(outcome.pair, weighed, found.blind, lost, _clause(evidence.closures, found.gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,14 +182,6 @@ def _found(
 
 def _ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId]]:
     return frozenset((c.query, c.match) for c in closures)
-
-
-def places(closures: Sequence[Closure]) -> float:
-    """How many separate places closures come from, by how far they reach along the path on which that is less."""
-    if not closures:
-        return 0.0
-    ends = np.array([(c.query.index, c.match.index) for c in closures])
-    return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
 
 
 def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings) -> list[Closure]:

@@ -23,7 +23,7 @@ from wiclosure.wiclosure_filter.faults.corrections import (
     ranges_off,
     sigmas_too_small,
 )
-from wiclosure.wiclosure_filter.faults.diagnosis import mode
+from wiclosure.wiclosure_filter.likelihood.residuals import mode
 from wiclosure.wiclosure_filter.links.links import Links
 
 _CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)

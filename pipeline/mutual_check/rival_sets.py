@@ -15,10 +15,10 @@ from scipy.special import logsumexp
 
 from wiclosure.backends.consistency.pcm import PcmResult
 from wiclosure.pipeline.config import Config, MutualCheckSettings
-from wiclosure.pipeline.mutual_check.check import places
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, if_closures_are_right, in_words, weigh
-from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
-from wiclosure.types import Closure, Stage, Trajectory, WirelessLog
+from wiclosure.pipeline.mutual_check.odds import Verdict, in_words
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
+from wiclosure.types import Closure, IntArray, Stage, Trajectory, WirelessLog
 
 _FEWEST = 3  # closures of a set that may contradict another
 
@@ -30,30 +30,44 @@ class RivalSets:
     Args:
         pair: the robots.
         kept: rows of the closures of the set that the radio speaks for.
-        lost: rows of the closures that are in a set that the radio speaks against.
+        lost: rows of the closures of the sets that it speaks against; none where it does not decide.
         log_odds: natural logarithm of the odds for the set that is kept.
+        cause: what is wrong with the log if that set is true; empty for nothing.
     """
 
     pair: tuple[str, str]
     kept: frozenset[int]
     lost: frozenset[int]
     log_odds: float
+    cause: str = ""
+
+    @property
+    def decides(self) -> bool:
+        """Whether the odds are decisive."""
+        return bool(self.lost)
 
     @property
     def sentence(self) -> str:
         """For the user."""
+        name = f"{self.pair[0]} and {self.pair[1]}"
+        if self.decides:
+            return (
+                f"{name}: {len(self.kept)} closures that agree with each other contradict {len(self.lost)} others that"
+                " agree as well, as where places look alike; what the robots measured of each other speaks for the"
+                f" {len(self.kept)} ({in_words(self.log_odds)}, whatever known error the log has); the others are left"
+                " out"
+            )
+        story = f"if this holds: {self.cause}" if self.cause else "if nothing is wrong with the log"
         return (
-            f"{self.pair[0]} and {self.pair[1]}: {len(self.kept)} closures that agree with each other contradict"
-            f" {len(self.lost)} others that agree as well, as where places look alike; what the robots measured of each"
-            f" other speaks for the {len(self.kept)} ({in_words(self.log_odds)}, whatever known error the log has);"
-            " the others are left out"
+            f"{name}: which of the sets of closures that contradict each other is true, what the robots measured of"
+            f" each other does not decide: most likely the {len(self.kept)} ({in_words(self.log_odds)}), {story}"
         )
 
 
 def weigh_rivals(
     checked: PcmResult, trajectories: Mapping[str, Trajectory], wireless: WirelessLog, config: Config
 ) -> list[RivalSets]:
-    """Of each two robots whose closures the consistency check leaves in doubt, the sets that the radio speaks against.
+    """Of each two robots whose closures the consistency check leaves in doubt, the set that the radio speaks for.
 
     Args:
         checked: closures, and the sets that were found among them.
@@ -67,17 +81,10 @@ def weigh_rivals(
         pair = (sets[0][0].query.robot, sets[0][0].match.robot)
         both = {robot: trajectories[robot] for robot in pair}
         radio = PairRadio.of(pair, both, wireless, config.filter.alignment)
-        if radio.measurements == 0:
-            continue
-        others = _considered(checked, pair)
-        weighed = [_weighed(of, others - len(of), radio, config.mutual_check) for of in sets]
-        scores = np.array([score for score, _ in weighed])
-        best = int(scores.argmax())
-        lost = np.flatnonzero(scores < scores[best] - np.log(config.mutual_check.decisive_odds))
-        if len(lost) == len(sets) - 1 and weighed[best][1].verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}:
-            kept = frozenset(rows_of_sets[best].tolist())
-            gone = frozenset(row for n in lost.tolist() for row in rows_of_sets[n].tolist())
-            found.append(RivalSets(pair, kept, gone - kept, float(scores[best] - logsumexp(scores[lost]))))
+        if radio.measurements:
+            others = _considered(checked, pair)
+            weighed = [_weighed(of, others - len(of), radio, config.mutual_check) for of in sets]
+            found.append(_told(pair, rows_of_sets, weighed, config.mutual_check))
     return found
 
 
@@ -90,18 +97,35 @@ def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tu
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Score:
+    """How likely a set is beside others, as a natural logarithm; its likeliest cause; whether it beats the radio."""
+
+    log_likelihood: float
+    cause: str
+    convinces: bool
+
+
+def _told(
+    pair: tuple[str, str], rows_of_sets: Sequence[IntArray], weighed: Sequence[_Score], settings: MutualCheckSettings
+) -> RivalSets:
+    scores = np.array([score.log_likelihood for score in weighed])
+    best = int(scores.argmax())
+    others = np.delete(np.arange(len(scores)), best)
+    kept = frozenset(rows_of_sets[best].tolist())
+    decides = (scores[others] < scores[best] - np.log(settings.decisive_odds)).all() and weighed[best].convinces
+    gone = frozenset(row for n in others.tolist() for row in rows_of_sets[n].tolist()) if decides else frozenset()
+    return RivalSets(pair, kept, gone - kept, float(scores[best] - logsumexp(scores[others])), weighed[best].cause)
+
+
 def _considered(checked: PcmResult, pair: tuple[str, str]) -> int:
     return next(one.considered for one in checked.pairs if {one.robot_a, one.robot_b} == set(pair))
 
 
-def _weighed(
-    closures: Sequence[Closure], others: int, radio: PairRadio, settings: MutualCheckSettings
-) -> tuple[float, Weighed]:
-    """How likely a set is beside others, as a natural logarithm, and the verdict were it the only one."""
-    middle = [central(closures, radio.trajectories)]
-    claimed, errors = radio.claimed(middle), radio.errors(middle)
-    agreement = Agreement(len(closures), others, places(closures))
-    right = if_closures_are_right(claimed, errors, settings)
-    # The others are false in every one of these stories; what differs is that this one is not.
-    score = float(logsumexp(list(right.values()))) - agreement.log_look_alike
-    return score, weigh(claimed, errors, agreement, Agreement(0, 0, 0.0), 0.0, settings)
+def _weighed(closures: Sequence[Closure], others: int, radio: PairRadio, settings: MutualCheckSettings) -> _Score:
+    evidence = SetEvidence.of(closures, others, radio)
+    errors = evidence.errors()
+    right = evidence.if_right(errors, settings)
+    alone = evidence.weighed(errors, settings)
+    convinces = alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+    return _Score(float(logsumexp(list(right.values()))), max(right, key=lambda cause: right[cause]), convinces)

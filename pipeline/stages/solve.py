@@ -74,10 +74,11 @@ def solve(
         doubts=found.consistent.doubts,
         diagnosis=(
             *found.consistent.doubts,
+            *(one.sentence for one in found.rivals if not one.decides),
             *contradictions,
             *corrections,
             *filtered.diagnosis,
-            *(one.sentence for one in found.rivals),
+            *(one.sentence for one in found.rivals if one.decides),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
@@ -94,7 +95,7 @@ class _Estimate:
     Args:
         attempt: closures, as filter, matching, registration and radio check left them.
         checks: pairs of robots of which radio and closures told differently.
-        rivals: sets of closures that contradict each other, of which the radio told the true one.
+        rivals: sets of closures that contradict each other, and what the radio told of them.
         consistent: closures that agree.
         graph: the estimate.
         by_map: what the merged map tells of the measurements.
@@ -119,8 +120,8 @@ def _estimated(
         heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
         rivals = weigh_rivals(consistent, attempts.keyframes, wireless, config) if heard else []
     with took.time("optimisation"):
-        if rivals:
-            left, told = without_lost(attempt.closures, rivals), {row for one in rivals for row in one.kept}
+        if decided := [one for one in rivals if one.decides]:
+            left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
             consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
         graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
