@@ -15,12 +15,12 @@ from scipy.special import logsumexp
 
 from wiclosure.backends.consistency.pcm import PcmResult
 from wiclosure.pipeline.config import Config, MutualCheckSettings
-from wiclosure.pipeline.mutual_check.odds import Verdict, in_words
+from wiclosure.pipeline.mutual_check.odds import TELLING, Verdict, in_words
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
 from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
-from wiclosure.types import Closure, IntArray, Stage, Trajectory, WirelessLog
+from wiclosure.types import Closure, IntArray, Stage, Trajectory, WirelessLog, survivors
 
-_FEWEST = 3  # closures of a set that may contradict another
+FEWEST = 3  # closures of a set that may contradict another
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,7 @@ class RivalSets:
         lost: rows of the closures of the sets that it speaks against; none where it does not decide.
         log_odds: natural logarithm of the odds for the set that is kept.
         cause: what is wrong with the log if that set is true; empty for nothing.
+        contradicted: true where the log, as it claims to be, speaks against every set.
     """
 
     pair: tuple[str, str]
@@ -40,6 +41,7 @@ class RivalSets:
     lost: frozenset[int]
     log_odds: float
     cause: str = ""
+    contradicted: bool = False
 
     @property
     def decides(self) -> bool:
@@ -76,16 +78,48 @@ def weigh_rivals(
         config: of the run.
     """
     found: list[RivalSets] = []
-    for rows_of_sets in checked.sets_in_doubt(_FEWEST):
-        sets = [[checked.closures[row] for row in rows.tolist()] for rows in rows_of_sets]
-        pair = (sets[0][0].query.robot, sets[0][0].match.robot)
+    for rows_of_sets in checked.sets_in_doubt(FEWEST):
+        first = checked.closures[int(rows_of_sets[0][0])]
+        pair = (first.query.robot, first.match.robot)
         both = {robot: trajectories[robot] for robot in pair}
         radio = PairRadio.of(pair, both, wireless, config.filter.alignment)
         if radio.measurements:
-            others = _considered(checked, pair)
-            weighed = [_weighed(of, others - len(of), radio, config.mutual_check) for of in sets]
-            found.append(_told(pair, rows_of_sets, weighed, config.mutual_check))
+            own = [row for row, c in enumerate(checked.closures) if (c.query.robot, c.match.robot) == pair]
+            found.append(told_apart(rows_of_sets, checked.closures, own, radio, config.mutual_check))
     return found
+
+
+def told_apart(
+    rows_of_sets: Sequence[IntArray],
+    closures: Sequence[Closure],
+    own: Sequence[int],
+    radio: PairRadio,
+    settings: MutualCheckSettings,
+) -> RivalSets:
+    """Which of some sets of closures of two robots the radio speaks for.
+
+    Args:
+        rows_of_sets: rows of the closures of each set, two at least.
+        closures: that the rows mean.
+        own: rows of all closures of the two robots that registration tried.
+        radio: what they measured of each other.
+        settings: probabilities of errors, and when odds are decisive.
+    """
+    tried = [c for c in (closures[row] for row in own) if c.rejected_at is not Stage.MATCHING]
+    considered = len(survivors(tried, Stage.REGISTRATION))
+    weighed = [
+        _weighed([closures[row] for row in rows.tolist()], considered - len(rows), tried, radio, settings)
+        for rows in rows_of_sets
+    ]
+    scores = np.array([score.log_likelihood for score in weighed])
+    best = int(scores.argmax())
+    others = np.delete(np.arange(len(scores)), best)
+    kept = frozenset(rows_of_sets[best].tolist())
+    decides = (scores[others] < scores[best] - np.log(settings.decisive_odds)).all() and weighed[best].convinces
+    gone = frozenset(row for n in others.tolist() for row in rows_of_sets[n].tolist()) if decides else frozenset()
+    log_odds = float(scores[best] - logsumexp(scores[others]))
+    contradicted = all(score.contradicted for score in weighed)
+    return RivalSets(radio.pair, kept, gone - kept, log_odds, weighed[best].cause, contradicted)
 
 
 def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tuple[Closure, ...]:
@@ -99,33 +133,34 @@ def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tu
 
 @dataclass(frozen=True, slots=True)
 class _Score:
-    """How likely a set is beside others, as a natural logarithm; its likeliest cause; whether it beats the radio."""
+    """Of one set.
+
+    Args:
+        log_likelihood: beside the others.
+        cause: what is likeliest wrong with the log.
+        convinces: whether the log speaks for it.
+        contradicted: whether the log, as it claims to be, speaks against it.
+    """
 
     log_likelihood: float
     cause: str
     convinces: bool
+    contradicted: bool
 
 
-def _told(
-    pair: tuple[str, str], rows_of_sets: Sequence[IntArray], weighed: Sequence[_Score], settings: MutualCheckSettings
-) -> RivalSets:
-    scores = np.array([score.log_likelihood for score in weighed])
-    best = int(scores.argmax())
-    others = np.delete(np.arange(len(scores)), best)
-    kept = frozenset(rows_of_sets[best].tolist())
-    decides = (scores[others] < scores[best] - np.log(settings.decisive_odds)).all() and weighed[best].convinces
-    gone = frozenset(row for n in others.tolist() for row in rows_of_sets[n].tolist()) if decides else frozenset()
-    return RivalSets(pair, kept, gone - kept, float(scores[best] - logsumexp(scores[others])), weighed[best].cause)
-
-
-def _considered(checked: PcmResult, pair: tuple[str, str]) -> int:
-    return next(one.considered for one in checked.pairs if {one.robot_a, one.robot_b} == set(pair))
-
-
-def _weighed(closures: Sequence[Closure], others: int, radio: PairRadio, settings: MutualCheckSettings) -> _Score:
-    evidence = SetEvidence.of(closures, others, radio)
+def _weighed(
+    closures: Sequence[Closure],
+    others: int,
+    tried: Sequence[Closure],
+    radio: PairRadio,
+    settings: MutualCheckSettings,
+) -> _Score:
+    evidence = SetEvidence.of(closures, others, radio, tried)
     errors = evidence.errors()
     right = evidence.if_right(errors, settings)
     alone = evidence.weighed(errors, settings)
-    convinces = alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
-    return _Score(float(logsumexp(list(right.values()))), max(right, key=lambda cause: right[cause]), convinces)
+    # A log that says next to nothing where a set has the robots speaks for no set, however it speaks against others.
+    speaks = max(evidence.claimed.implied, *(error.implied for error in errors)) > TELLING
+    convinces = speaks and alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+    cause = max(right, key=lambda cause: right[cause])
+    return _Score(float(logsumexp(list(right.values()))), cause, convinces, evidence.claimed.contradicts)

@@ -6,13 +6,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import rel_entr
 
+from wiclosure import se3
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.mutual_check.odds import Agreement, Weighed, if_closures_are_right, weigh
+from wiclosure.pipeline.mutual_check.odds import (
+    FAILS_IF_RIGHT,
+    MOST_PLACES,
+    Agreement,
+    Weighed,
+    if_closures_are_right,
+    weigh,
+)
 from wiclosure.pipeline.mutual_check.radio_evidence import Explained, PairRadio, central
-from wiclosure.types import Closure
+from wiclosure.types import Closure, measured_poses
 
 _PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
+NEAR_M = 5.0  # keyframes that are so near register, if they are truly there
 _NOTHING = Agreement(0, 0, 0.0)
 
 
@@ -25,18 +35,23 @@ class SetEvidence:
         claimed: the log as it claims to be, where the set has the robots.
         middle: the closure that stands for the set.
         radio: the log.
+        log_missed: log-probability of so few registrations, were the set right, of keyframes that it has near.
     """
 
     closures: Agreement
     claimed: Explained
     middle: Closure
     radio: PairRadio
+    log_missed: float = 0.0
 
     @classmethod
-    def of(cls, agreeing: Sequence[Closure], others: int, radio: PairRadio) -> SetEvidence:
-        """Of a set that `others` registered closures contradict."""
+    def of(
+        cls, agreeing: Sequence[Closure], others: int, radio: PairRadio, tried: Sequence[Closure] = ()
+    ) -> SetEvidence:
+        """Of a set that `others` registered closures contradict, of all that registration `tried`."""
         middle = central(agreeing, radio.trajectories)
-        return cls(Agreement(len(agreeing), others, places(agreeing)), radio.claimed([middle]), middle, radio)
+        closures = Agreement(len(agreeing), others, places(agreeing))
+        return cls(closures, radio.claimed([middle]), middle, radio, _log_missed(agreeing, middle, radio, tried))
 
     def errors(self, *, search: bool = True) -> list[Explained]:
         """The log with each known error undone; `search`: also where it tells an alignment of its own."""
@@ -53,10 +68,11 @@ class SetEvidence:
         return weigh(self.claimed, errors, self.closures, predicted, refuted_places, settings)
 
     def if_right(self, errors: Sequence[Explained], settings: MutualCheckSettings) -> Mapping[str, float]:
-        """Log-evidence of the log and of the other sets being false, by what is wrong with the log."""
+        """Log-evidence of log and registrations where the set is right, by what is wrong with the log."""
         right = if_closures_are_right(self.claimed, errors, settings)
         # The others are false in every one of these stories; what differs is that this one is not.
-        return {cause: value - self.closures.log_look_alike for cause, value in right.items()}
+        each = self.log_missed - self.closures.log_look_alike
+        return {cause: value + each for cause, value in right.items()}
 
 
 def places(closures: Sequence[Closure]) -> float:
@@ -65,3 +81,22 @@ def places(closures: Sequence[Closure]) -> float:
         return 0.0
     ends = np.array([(c.query.index, c.match.index) for c in closures])
     return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
+
+
+def _log_missed(agreeing: Sequence[Closure], middle: Closure, radio: PairRadio, tried: Sequence[Closure]) -> float:
+    """By how often keyframes that are near each other fail to register (Chernoff's bound of the binomial tail)."""
+    if not tried:
+        return 0.0
+    a, b = (radio.trajectories[robot] for robot in radio.pair)
+    T_a_b = a.poses[middle.query.index] @ measured_poses([middle])[0][0] @ se3.inverse(b.poses[middle.match.index])
+    index_a, index_b = np.array([(c.query.index, c.match.index) for c in tried]).T
+    apart_m = np.linalg.norm(a.positions[index_a] - se3.transform(T_a_b, b.positions[index_b]), axis=1)
+    near = [tried[row] for row in np.flatnonzero(apart_m < NEAR_M).tolist()]
+    if not near:
+        return 0.0
+    found = {(c.query, c.match) for c in agreeing}
+    missed = sum((c.query, c.match) not in found for c in near) / len(near)
+    if missed <= FAILS_IF_RIGHT:
+        return 0.0
+    divergence = rel_entr(missed, FAILS_IF_RIGHT) + rel_entr(1.0 - missed, 1.0 - FAILS_IF_RIGHT)
+    return -min(places(near), MOST_PLACES) * float(divergence)

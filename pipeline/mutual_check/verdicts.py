@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
+from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
+from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
+from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
 from wiclosure.types import FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between
@@ -41,6 +43,35 @@ def sentences(
         if pair not in checked and not _is_named(named.get(pair, ""), found)
     ]
     return tuple(said)
+
+
+def settled(
+    checks: Sequence[PairCheck], rivals: Sequence[RivalSets], fitting: Collection[Pair]
+) -> tuple[PairCheck, ...]:
+    """Checks that decided nothing, decided by what was found without the radio.
+
+    Args:
+        checks: pairs of robots of which radio and closures told differently.
+        rivals: sets of closures that contradict each other, and what the radio told of them.
+        fitting: robots whose log fits the merged map.
+    """
+    told = {one.pair: one for one in rivals if one.decides}
+
+    def as_settled(check: PairCheck) -> PairCheck:
+        if not check.doubts or check.weighed is None:
+            return check
+        if (rival := told.get(check.pair)) is not None:
+            verdict = Verdict.CLOSURES if rival.cause else Verdict.COMPATIBLE
+            return replace(
+                check, weighed=Weighed(verdict, rival.log_odds, rival.cause), found=agreeing(len(rival.kept))
+            )
+        return (
+            replace(check, weighed=replace(check.weighed, verdict=Verdict.COMPATIBLE))
+            if check.pair in fitting
+            else check
+        )
+
+    return tuple(map(as_settled, checks))
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

@@ -17,10 +17,10 @@ from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import PairCheck
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences, settled
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
@@ -56,10 +56,18 @@ def solve(
         found = _estimated(attempts, log, earth, took)
 
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
+    checks = settled(found.checks, found.rivals, found.by_map.fitting)
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
-        *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
+        *sentences(filtered, checks, found.by_map.contradicted, corrects=corrects),
     )
+    joined = {frozenset((c.query.robot, c.match.robot)) for c in found.graph.accepted}
+    undecided = [one.pair for one in checks if one.doubts and frozenset(one.pair) in joined]
+    doubts = (
+        *found.consistent.doubts,
+        *(said for a, b in undecided for said in contradictions if said.startswith(f"{a} and {b}: the map may")),
+    )
+    contradictions = tuple(said for said in contradictions if said not in doubts)
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
     return Solution(
@@ -71,9 +79,9 @@ def solve(
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
-        doubts=found.consistent.doubts,
+        doubts=doubts,
         diagnosis=(
-            *found.consistent.doubts,
+            *doubts,
             *(one.sentence for one in found.rivals if not one.decides),
             *contradictions,
             *corrections,

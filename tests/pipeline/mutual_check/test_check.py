@@ -13,8 +13,9 @@ from wiclosure import se3
 from wiclosure.formats.radio.wireless_log import read_wireless_log
 from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair
+from wiclosure.pipeline.mutual_check.check import check_pair
 from wiclosure.pipeline.mutual_check.odds import Verdict
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.mutual_check.check import PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck
 from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
 from wiclosure.types import FilterResult, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.faults.corrections import ranges_off, swapped
