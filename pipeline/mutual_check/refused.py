@@ -30,27 +30,24 @@ def weigh_refused(outcome: PairOutcome, radio: PairRadio, config: Config) -> Pai
     """
     live, registered = outcome.live, survivors(outcome.registered, Stage.REGISTRATION)
     left = _sets(live, radio.trajectories, config)
-    if len(registered) > 2 * len(live) and len(left) == 1:
-        refused = _sets([c for c in registered if (c.query, c.match) not in ends(live)], radio.trajectories, config)
-        told = _told([*left, *refused], outcome, radio, config)
-        if told is None or (told.decides and ends([outcome.registered[row] for row in told.kept]) == ends(left[0])):
+    refused = [c for c in registered if (c.query, c.match) not in ends(live)]
+    others = _sets(refused, radio.trajectories, config) if len(refused) > len(live) else []
+    if len(left) == 1 and others:
+        told = _told([*left, *others], outcome, radio, config)
+        if told.decides and ends([outcome.registered[row] for row in told.kept]) == ends(left[0]):
             return None
-        return _check(told, max(map(len, refused)))
+        return _check(told, max(map(len, others)))
     if len(left) > 1 and outcome.kept.predicts is PredictionKind.HEADING:
         # A compass that is wrong leaves only what is false, and then the log speaks against all of it.
         told = _told(left, outcome, radio, config)
-        return _check(told, len(left[0])) if told is not None and told.contradicted and not told.decides else None
+        return _check(told, len(left[0])) if told.contradicted and not told.decides else None
     return None
 
 
-def _told(
-    sets: Sequence[Sequence[Closure]], outcome: PairOutcome, radio: PairRadio, config: Config
-) -> RivalSets | None:
-    """Which set the log speaks for; None where there is one only."""
+def _told(sets: Sequence[Sequence[Closure]], outcome: PairOutcome, radio: PairRadio, config: Config) -> RivalSets:
+    """Which of several sets the log speaks for."""
     row_of = {(c.query, c.match): row for row, c in enumerate(outcome.registered)}
     rows = [np.array([row_of[c.query, c.match] for c in each]) for each in sets]
-    if len(rows) < 2:
-        return None
     return told_apart(rows, outcome.registered, range(len(row_of)), radio, config.mutual_check)
 
 

@@ -62,14 +62,11 @@ def settled(
             return check
         if (rival := told.get(check.pair)) is not None:
             verdict = Verdict.CLOSURES if rival.cause else Verdict.COMPATIBLE
-            return replace(
-                check, weighed=Weighed(verdict, rival.log_odds, rival.cause), found=agreeing(len(rival.kept))
-            )
-        return (
-            replace(check, weighed=replace(check.weighed, verdict=Verdict.COMPATIBLE))
-            if check.pair in fitting
-            else check
-        )
+            found = agreeing(len(rival.kept))
+            return replace(check, weighed=Weighed(verdict, rival.log_odds, rival.cause), found=found)
+        if check.pair in fitting:
+            return replace(check, weighed=replace(check.weighed, verdict=Verdict.COMPATIBLE))
+        return check
 
     return tuple(map(as_settled, checks))
 
