@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed, in_words
+from wiclosure.pipeline.mutual_check.rival_sets import MAY_BE_WRONG
 from wiclosure.types import CandidatePairs, Closure, KeyframeId
 
 Pair = tuple[str, str]
@@ -44,6 +45,7 @@ class PairCheck:
         blind: closures that were registered without prediction.
         lost: closures of the first round that are rejected.
         found: the set of closures, and how it contradicts the radio, as a clause.
+        contested: what is said where the radio is right unless a known error is at fault; empty otherwise.
     """
 
     pair: Pair
@@ -51,6 +53,7 @@ class PairCheck:
     blind: tuple[Closure, ...] = ()
     lost: frozenset[tuple[KeyframeId, KeyframeId]] = frozenset()
     found: str = ""
+    contested: str = ""
 
     @property
     def sentence(self) -> str:
@@ -59,7 +62,7 @@ class PairCheck:
 
     def said(self, by_map: Contradiction | None = None) -> str:
         """The same, with the cause that a merged map tells, where there is one: it knows more than one set did."""
-        return "" if self.weighed is None else _sentence(self.pair, self.weighed, self.found, by_map)
+        return self.contested if self.weighed is None else _sentence(self.pair, self.weighed, self.found, by_map)
 
     @property
     def drops_radio(self) -> bool:
@@ -69,7 +72,7 @@ class PairCheck:
 
     @property
     def doubts(self) -> bool:
-        """Whether a map that closures between these robots make may be wrong."""
+        """Whether nothing decided."""
         return self.weighed is not None and self.weighed.verdict is Verdict.UNDECIDED
 
 
@@ -98,7 +101,7 @@ def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | 
         " nothing else speaks against; the closures are left out",
         Verdict.NEITHER: f"the radio is the likely fault ({odds}), {fault}; with that put right it still contradicts"
         f" {found}, from places that look alike, it seems; no closure between these robots is accepted",
-        Verdict.UNDECIDED: f"the map may be wrong, nothing decides ({odds}): {found} contradict the radio; the radio"
+        Verdict.UNDECIDED: f"{MAY_BE_WRONG}, nothing decides ({odds}): {found} contradict the radio; the radio"
         f" may be at fault, {fault}, or the places look alike; its measurements between"
         " these robots are left out",
     }

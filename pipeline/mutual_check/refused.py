@@ -35,7 +35,7 @@ def weigh_refused(outcome: PairOutcome, radio: PairRadio, config: Config) -> Pai
     if len(left) == 1 and others:
         told = _told([*left, *others], outcome, radio, config)
         if told.decides and ends([outcome.registered[row] for row in told.kept]) == ends(left[0]):
-            return None
+            return PairCheck(outcome.pair, contested=told.sentence) if told.contested else None
         return _check(told, max(map(len, others)))
     if len(left) > 1 and outcome.kept.predicts is PredictionKind.HEADING:
         # A compass that is wrong leaves only what is false, and then the log speaks against all of it.

@@ -20,6 +20,7 @@ from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
 from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
 from wiclosure.types import Closure, IntArray, Stage, Trajectory, WirelessLog, survivors
 
+MAY_BE_WRONG = "the map may be wrong"
 FEWEST = 3  # closures of a set that may contradict another
 
 
@@ -34,6 +35,8 @@ class RivalSets:
         log_odds: natural logarithm of the odds for the set that is kept.
         cause: what is wrong with the log if that set is true; empty for nothing.
         contradicted: true where the log, as it claims to be, speaks against every set.
+        contested: what would have to be wrong with the log for another set to fit it better than this one does; then
+            only how seldom that is speaks for this one. Empty where it fits this one best.
     """
 
     pair: tuple[str, str]
@@ -42,6 +45,7 @@ class RivalSets:
     log_odds: float
     cause: str = ""
     contradicted: bool = False
+    contested: str = ""
 
     @property
     def decides(self) -> bool:
@@ -57,13 +61,19 @@ class RivalSets:
                 f"{name}: {len(self.kept)} closures that agree with each other contradict {len(self.lost)} others that"
                 " agree as well, as where places look alike; what the robots measured of each other speaks for the"
                 f" {len(self.kept)} ({in_words(self.log_odds)}, whatever known error the log has); the others are left"
-                " out"
+                f" out{self._yet}"
             )
         story = f"if this holds: {self.cause}" if self.cause else "if nothing is wrong with the log"
         return (
             f"{name}: which of the sets of closures that contradict each other is true, what the robots measured of"
             f" each other does not decide: most likely the {len(self.kept)} ({in_words(self.log_odds)}), {story}"
         )
+
+    @property
+    def _yet(self) -> str:
+        if not self.contested:
+            return ""
+        return f"; yet {MAY_BE_WRONG}, since the log would fit others better if this held: {self.contested}"
 
 
 def weigh_rivals(
@@ -119,7 +129,9 @@ def told_apart(
     gone = frozenset(row for n in others.tolist() for row in rows_of_sets[n].tolist()) if decides else frozenset()
     log_odds = float(scores[best] - logsumexp(scores[others]))
     contradicted = all(score.contradicted for score in weighed)
-    return RivalSets(radio.pair, kept, gone - kept, log_odds, weighed[best].cause, contradicted)
+    fitting = max(weighed, key=lambda score: score.fits)
+    contested = fitting.cause_of_fit if fitting is not weighed[best] and decides else ""
+    return RivalSets(radio.pair, kept, gone - kept, log_odds, weighed[best].cause, contradicted, contested)
 
 
 def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tuple[Closure, ...]:
@@ -140,12 +152,16 @@ class _Score:
         cause: what is likeliest wrong with the log.
         convinces: whether the log speaks for it.
         contradicted: whether the log, as it claims to be, speaks against it.
+        fits: how well the log fits it at best, with a known error undone or without one; however seldom that is.
+        cause_of_fit: that error.
     """
 
     log_likelihood: float
     cause: str
     convinces: bool
     contradicted: bool
+    fits: float
+    cause_of_fit: str
 
 
 def _weighed(
@@ -160,7 +176,9 @@ def _weighed(
     right = evidence.if_right(errors, settings)
     alone = evidence.weighed(errors, settings)
     # A log that says next to nothing where a set has the robots speaks for no set, however it speaks against others.
-    speaks = max(evidence.claimed.implied, *(error.implied for error in errors)) > TELLING
-    convinces = speaks and alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+    best = max([evidence.claimed, *errors], key=lambda one: one.implied)
+    convinces = best.implied > TELLING and alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
     cause = max(right, key=lambda cause: right[cause])
-    return _Score(float(logsumexp(list(right.values()))), cause, convinces, evidence.claimed.contradicts)
+    return _Score(
+        float(logsumexp(list(right.values()))), cause, convinces, evidence.claimed.contradicts, best.implied, best.fault
+    )

@@ -8,9 +8,9 @@ from dataclasses import replace
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
-from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
+from wiclosure.pipeline.mutual_check.rival_sets import MAY_BE_WRONG, RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
-from wiclosure.types import FilterResult, Trajectory, WirelessLog
+from wiclosure.types import Closure, FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between
 
 _CLEARED = (
@@ -69,6 +69,13 @@ def settled(
         return check
 
     return tuple(map(as_settled, checks))
+
+
+def in_doubt(said: Sequence[str], accepted: Sequence[Closure]) -> tuple[str, ...]:
+    """Those of the sentences that put the map in doubt, of robots that accepted closures join."""
+    joined = {(c.query.robot, c.match.robot) for c in accepted}
+    names = tuple(f"{a} and {b}: " for pair in joined for a, b in (pair, pair[::-1]))
+    return tuple(one for one in said if MAY_BE_WRONG in one and one.startswith(names))
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

@@ -20,7 +20,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences, settled
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
@@ -57,17 +57,13 @@ def solve(
 
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
     checks = settled(found.checks, found.rivals, found.by_map.fitting)
+    told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
+    of_rivals = tuple(one.sentence for one in found.rivals)
+    doubts = (*found.consistent.doubts, *in_doubt((*told, *of_rivals), found.graph.accepted))
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
-        *sentences(filtered, checks, found.by_map.contradicted, corrects=corrects),
+        *(said for said in told if said not in doubts),
     )
-    joined = {frozenset((c.query.robot, c.match.robot)) for c in found.graph.accepted}
-    undecided = [one.pair for one in checks if one.doubts and frozenset(one.pair) in joined]
-    doubts = (
-        *found.consistent.doubts,
-        *(said for a, b in undecided for said in contradictions if said.startswith(f"{a} and {b}: the map may")),
-    )
-    contradictions = tuple(said for said in contradictions if said not in doubts)
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
     return Solution(
@@ -82,11 +78,10 @@ def solve(
         doubts=doubts,
         diagnosis=(
             *doubts,
-            *(one.sentence for one in found.rivals if not one.decides),
             *contradictions,
             *corrections,
             *filtered.diagnosis,
-            *(one.sentence for one in found.rivals if one.decides),
+            *(said for said in of_rivals if said not in doubts),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
