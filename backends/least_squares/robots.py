@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wiclosure.backends.least_squares.edges import Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.edges import Edges, degrees_of_true_ones
 from wiclosure.backends.least_squares.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -43,8 +43,8 @@ class Robots:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of all measurements."""
-        return degrees_of_freedom(self.odometry.T, self.loops.T)
+        """Of freedom of true measurements."""
+        return degrees_of_true_ones(self.odometry.T, self.loops.T)
 
     @property
     def own(self) -> BoolArray:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_true_ones, mahalanobis_squared
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 65536  # pairs at once: bounds memory
@@ -58,8 +58,8 @@ class Claims:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of the differences between frames."""
-        return degrees_of_freedom(self.frames)
+        """Of freedom of the differences between true frames."""
+        return degrees_of_true_ones(self.frames[:0], self.frames)
 
     @cached_property
     def noise(self) -> FloatArray:
