@@ -7,12 +7,13 @@ of robots check each other over third robots; sets that hold join their groups, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
+from wiclosure.backends.consistency.odometry_factors import odometry_factors
 from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
@@ -43,6 +44,7 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
     inlier: BoolArray
@@ -51,6 +53,7 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
@@ -63,6 +66,10 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     everything = by_all_own_loops(robots)
     if settings.most_scale <= 1:
         return _merged(robots, settings, everything, 1.0)
+    of_odometry = odometry_factors(robots, everything, settings)
+    if (of_odometry > 1).any():
+        robots = robots.loosened(of_odometry)
+        everything = by_all_own_loops(robots)
     merged = _under_one_factor(robots, settings, everything)
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
@@ -71,6 +78,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         restated = robots.scaled(factors)
         merged = _under_one_factor(restated, settings, by_all_own_loops(restated))
         merged.factors = merged.factors * factors
+    merged.odometry_factors = of_odometry
     return merged
 
 

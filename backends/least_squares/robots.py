@@ -73,6 +73,24 @@ class Robots:
         shares = drift_m[closing] / np.maximum(extent_m[closing], 1e-9)
         return float(np.median(shares)) if len(closing) else 0.0
 
+    def alone(self, robot: int) -> Robots:
+        """One of them, with its own loops."""
+        nodes = np.flatnonzero(self.robot == robot)
+        own, first = self.own & (self.robot[self.loops.first] == robot), nodes[0]
+        odometry, loops = (
+            Edges(e.first - first, e.second - first, e.T, e.covariance)
+            for e in (self.odometry.subset(self.robot[self.odometry.first] == robot), self.loops.subset(own))
+        )
+        return Robots(
+            np.zeros(len(nodes), np.int64), self.poses[nodes], odometry, loops, self.predicted[own],
+            self.along_m[nodes], self.length_m[[robot]], self.step_m,
+        )  # fmt: skip
+
+    def loosened(self, factors: FloatArray) -> Robots:
+        """The standard deviations of each robot's odometry times factors `(R,)`."""
+        squared = factors[self.robot[self.odometry.first]] ** 2
+        return replace(self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance))
+
     def scaled(self, factors: float | FloatArray) -> Robots:
         """All standard deviations times one factor, or `(2,)` of rotation and translation."""
         odometry, loops = (

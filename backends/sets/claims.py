@@ -108,7 +108,7 @@ class Claims:
             one, other = part[first], second
             products = self.wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
             cross = products.reshape(len(part), DEGREES, len(self), DEGREES)[first, :, second]
-            covariance = self._own[one] + self._own[other] - cross - np.swapaxes(cross, 1, 2)
+            covariance = self.covariances[one] + self.covariances[other] - cross - np.swapaxes(cross, 1, 2)
             error = se3.log(se3.between(self.frames[one], self.frames[other]))
             found[start + first, second] = mahalanobis_squared(error, covariance)
         found[np.arange(len(rows)), rows] = 0.0
@@ -125,7 +125,7 @@ class Claims:
         return found
 
     @cached_property
-    def _own(self) -> FloatArray:
+    def covariances(self) -> FloatArray:
         """Covariance `(N, 6, 6)` of each frame by itself."""
         return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
 
@@ -136,7 +136,7 @@ class Claims:
         the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
         difference is at most twice the sum of both.
         """
-        turn, shift = (2.0 * np.trace(self._own[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
+        turn, shift = (2.0 * np.trace(self.covariances[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
         positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
         apart = cdist(positions[rows], positions[others], "sqeuclidean")
         angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
