@@ -44,19 +44,19 @@ def odometry_factors(robots: Robots, everything: Settled, settings: MergeSetting
 
 
 def _factor(robot: Robots, settings: MergeSettings, limit: float) -> float:
-    """The smallest, in steps, under which all own loops of a robot fit; 1 where none does or they may be false."""
-    steps = int(np.log(settings.most_scale) / np.log(STEP) + 1e-9)
-    too_small, enough, settled = 0, steps, _if_all_fit(robot, STEP**steps, limit)
+    """The smallest, within `STEP`, under which all own loops of a robot fit; 1 if none is or they may be false."""
+    too_small, enough = 1.0, settings.most_scale
+    settled = _if_all_fit(robot, enough, limit)
     if settled is None:
         return 1.0
-    while enough - too_small > 1:
-        middle = (too_small + enough) // 2
-        found = _if_all_fit(robot, STEP**middle, limit)
+    while enough > STEP * too_small:
+        middle = float(np.sqrt(too_small * enough))
+        found = _if_all_fit(robot, middle, limit)
         too_small, enough, settled = (middle, enough, settled) if found is None else (too_small, middle, found)
     false = ~by_own_inliers(robot, by_all_own_loops(robot), limit).inlier
     places = count_places(robot, np.flatnonzero(false), settings.view_steps * robot.step_m)
     chance = _chance_to_fit(robot, settled, limit)
-    return float(STEP**enough) if chance**places < EXPECTED_BY_CHANCE else 1.0
+    return enough if chance**places < EXPECTED_BY_CHANCE else 1.0
 
 
 def _if_all_fit(robot: Robots, factor: float, limit: float) -> Settled | None:
