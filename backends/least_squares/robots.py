@@ -89,7 +89,9 @@ class Robots:
     def loosened(self, factors: FloatArray) -> Robots:
         """The standard deviations of each robot's odometry times factors `(R,)`."""
         squared = factors[self.robot[self.odometry.first]] ** 2
-        return replace(self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance))
+        return replace(
+            self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance)
+        )
 
     def scaled(self, factors: float | FloatArray) -> Robots:
         """All standard deviations times one factor, or `(2,)` of rotation and translation."""

@@ -136,7 +136,9 @@ class Claims:
         the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
         difference is at most twice the sum of both.
         """
-        turn, shift = (2.0 * np.trace(self.covariances[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
+        turn, shift = (
+            2.0 * np.trace(self.covariances[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6))
+        )
         positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
         apart = cdist(positions[rows], positions[others], "sqeuclidean")
         angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
