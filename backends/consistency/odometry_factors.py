@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
+from wiclosure.backends.consistency.own_claims import OwnClaims
+from wiclosure.backends.consistency.own_loops import OwnLoops, by_all_own_loops
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit
@@ -24,19 +25,12 @@ from wiclosure.types import FloatArray
 RECOMBINED = 1000  # loops, at most, that nobody measured
 
 
-def odometry_factors(robots: Robots, everything: Settled, settings: MergeSettings) -> FloatArray:
-    """Factors `(R,)` on the standard deviations of each robot's odometry, at most `most_scale`.
-
-    Args:
-        robots: as stated.
-        everything: each by all of its own loops.
-        settings: of the merge.
-    """
+def odometry_factors(robots: Robots, settings: MergeSettings) -> FloatArray:
+    """Factors `(R,)` on the standard deviations of each robot's odometry, at most `most_scale`."""
     limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-    of_loop = robots.robot[robots.loops.first]
-    torn = np.unique(of_loop[robots.own & (everything.distance > limit)])
-    of_others = of_residuals(everything.distance[robots.own & ~np.isin(of_loop, torn)], robots.degrees)
-    factors = np.ones(robots.count)
+    own, factors = OwnClaims.of(robots), np.ones(robots.count)
+    torn = np.unique(own.robot[own.refuted(limit)])
+    of_others = of_residuals(own.distances[~np.isin(own.robot, torn)], robots.degrees)
     if of_others is not None and of_others <= NO_MATTER:
         for robot in torn:
             factors[robot] = _factor(robots.alone(int(robot)), settings, limit)
@@ -46,17 +40,17 @@ def odometry_factors(robots: Robots, everything: Settled, settings: MergeSetting
 def _factor(robot: Robots, settings: MergeSettings, limit: float) -> float:
     """The smallest, within `STEP`, under which all own loops of a robot fit; 1 if none is or they may be false."""
     too_small, enough = 1.0, settings.most_scale
-    settled = _if_all_fit(robot, enough, limit)
+    loosest = robot.loosened(np.array([enough]))
+    settled = None if OwnClaims.of(loosest).refuted(limit).any() else _if_all_fit(robot, enough, limit)
     if settled is None:
         return 1.0
     while enough > STEP * too_small:
         middle = float(np.sqrt(too_small * enough))
         found = _if_all_fit(robot, middle, limit)
         too_small, enough, settled = (middle, enough, settled) if found is None else (too_small, middle, found)
-    false = ~by_own_inliers(robot, by_all_own_loops(robot), limit).inlier
+    false = ~OwnLoops(robot, settings).inliers(1.0).inlier
     places = count_places(robot, np.flatnonzero(false), settings.view_steps * robot.step_m)
-    chance = _chance_to_fit(robot, settled, limit)
-    return enough if chance**places < EXPECTED_BY_CHANCE else 1.0
+    return enough if _chance_to_fit(robot, settled, limit) ** places < EXPECTED_BY_CHANCE else 1.0
 
 
 def _if_all_fit(robot: Robots, factor: float, limit: float) -> Settled | None:
@@ -81,5 +75,5 @@ def _chance_to_fit(robot: Robots, settled: Settled, limit: float) -> float:
         settled.wander[first],
         settled.wander[second],
     )
-    fits = mahalanobis_squared(se3.log(claims.frames), claims.covariances) <= limit
+    fits = mahalanobis_squared(se3.log(claims.frames), claims.frame_covariance) <= limit
     return float(fits.mean()) if len(fits) else 1.0

@@ -16,6 +16,7 @@ from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.backends.sets.sigma_scale import least
 from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
 _ONE_PLACE = 2  # closures that agree by being of the same place
@@ -150,6 +151,7 @@ def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
         ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,
         most_scale=settings.max_scale,
+        least_scale=least(settings.max_scale),
         view_steps=settings.view_keyframes,
     )
 

@@ -11,6 +11,9 @@ from wiclosure.backends.least_squares.edges import Edges, degrees_of_true_ones
 from wiclosure.backends.least_squares.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
+WRITTEN = 1e-6  # rad, m: one sigma of what six decimals leave of a quaternion or a coordinate
+WRITTEN_SHARE = 3e-6  # of a length, what six significant digits leave of it
+
 
 @dataclass(frozen=True, eq=False)
 class Robots:
@@ -94,8 +97,17 @@ class Robots:
         )
 
     def scaled(self, factors: float | FloatArray) -> Robots:
-        """All standard deviations times one factor, or `(2,)` of rotation and translation."""
-        odometry, loops = (
-            Edges(e.first, e.second, e.T, restated(e.covariance, factors)) for e in (self.odometry, self.loops)
-        )
-        return replace(self, odometry=odometry, loops=loops)
+        """All standard deviations times one factor, or `(2,)` of rotation and translation.
+
+        Smaller ones leave in what numbers lose where they are written: measurements without noise have that left.
+        """
+        return replace(self, odometry=_restated(self.odometry, factors), loops=_restated(self.loops, factors))
+
+
+def _restated(edges: Edges, factors: float | FloatArray) -> Edges:
+    covariance = restated(edges.covariance, factors)
+    if np.min(factors) < 1.0:
+        axes, length = np.arange(6), np.linalg.norm(edges.T[:, :3, 3], axis=1, keepdims=True)
+        covariance[:, axes, axes] += WRITTEN**2
+        covariance[:, axes[3:], axes[3:]] += (WRITTEN_SHARE * length) ** 2
+    return Edges(edges.first, edges.second, edges.T, covariance)
