@@ -6,30 +6,28 @@ of robots check each other over third robots; sets that hold join their groups, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
-from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
+from wiclosure.backends.consistency.odometry_factors import odometry_factors
+from wiclosure.backends.consistency.own_loops import OwnLoops
+from wiclosure.backends.consistency.scale import allowed, scale_of
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
-from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between, stands
+from wiclosure.backends.sets.pair_sets import pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-REFINEMENTS = 4  # of the scale of sigma
-SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
-TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
-VAGUE = 0.2  # of a path's extent: where odometry drifts as far, false loops fit as well
-MOST = 0.95  # of the loops, which as many sigmas as that leave in
+SEPARATIONS = (
+    2  # of the scale of sigma into components: with the second, those that the first has admitted tell as well
+)
 TORN = "what the estimate leaves of its set would not be accepted"
 
 
@@ -44,6 +42,7 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
     inlier: BoolArray
@@ -52,6 +51,7 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
@@ -62,7 +62,9 @@ class MergedGroups:
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
     if settings.most_scale <= 1:
-        return _merged(robots, settings, _own_loops(robots, settings, by_all_own_loops(robots)), 1.0)
+        return _merged(robots, settings, OwnLoops(robots, settings), 1.0)
+    of_odometry = odometry_factors(robots, settings)
+    robots = robots.loosened(of_odometry)
     merged = _under_one_factor(robots, settings)
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
@@ -71,26 +73,19 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         restated = robots.scaled(factors)
         merged = _under_one_factor(restated, settings.after(factors))
         merged.factors = merged.factors * factors
+    merged.odometry_factors = of_odometry
     return merged
 
 
 def _under_one_factor(robots: Robots, settings: MergeSettings) -> MergedGroups:
-    everything = by_all_own_loops(robots)
-    by_inliers = _own_loops(robots, settings, everything)
-    scale = _finer(robots, settings, by_inliers, _scale(robots, settings, everything, by_inliers))
-    merged = _merged(robots, settings, by_inliers, scale)
+    own = OwnLoops(robots, settings)
+    scale = scale_of(robots, settings, own)
+    merged = _merged(robots, settings, own, scale)
     left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
-    better = _allowed(scale * (left or 1.0), settings)
+    better = allowed(scale * (left or 1.0), settings)
     if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
         return merged
-    return _merged(robots, settings, by_inliers, better)
-
-
-def _own_loops(robots: Robots, settings: MergeSettings, everything: Settled) -> Callable[[float], Settled]:
-    """Each robot by its own inliers, with all standard deviations so many times as large."""
-    limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-    # the last two are held: the scale that is decided on is asked for again
-    return lru_cache(2)(lambda scale: by_own_inliers(robots.scaled(scale), everything.scaled(scale), limit))
+    return _merged(robots, settings, own, better)
 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
@@ -105,71 +100,10 @@ def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) ->
     return None if (more == 1.0).all() else merged.factors * more
 
 
-def _scale(
-    robots: Robots, settings: MergeSettings, everything: Settled, by_inliers: Callable[[float], Settled]
-) -> float:
-    """Of what robots say within themselves; else of the sets between them."""
-    most = settings.most_scale
-    known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
-    if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
-        as_stated = by_inliers(1.0)
-        fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
-        if fitting is not None and fitting <= sigma_scale.NO_MATTER:
-            wider = _allowed(known, settings)  # where sigma is too small, few fit, and by chance
-            under_wider = by_inliers(wider)
-            if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
-                return _allowed(fitting, settings)
-    for _ in range(REFINEMENTS):
-        if known is None:
-            break
-        before, scale = scale, _allowed(known, settings)
-        if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
-            return scale
-        left = sigma_scale.of_residuals(by_inliers(scale).redundant, robots.degrees)
-        if left is None:
-            break
-        known = scale * left
-    if known is not None:
-        return scale
-    settled = by_inliers(most).scaled(1.0 / most)
-    alone = np.arange(robots.count)
-    widest = settings.agree_limit * (2.0 * most) ** 2
-    largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
-    return _allowed(sigma_scale.of_sets(comparisons, settings.agree_limit, most), settings)
-
-
-def _allowed(scale: float, settings: MergeSettings) -> float:
-    return sigma_scale.settled(scale, settings.least_scale, settings.most_scale)
-
-
-def _finer(robots: Robots, settings: MergeSettings, by_inliers: Callable[[float], Settled], scale: float) -> float:
-    """A smaller factor, where residuals are far apart or odometry knows little, and the loops it leaves out are false.
-
-    Where sigma is stated far too large, false loops fit it by accident and strain all else.  They stay out under a
-    larger sigma as well than the other residuals ask for, while of true ones more and more would fit.
-    """
-    vague = robots.scaled(scale).drift_share() > VAGUE
-    if not vague and not sigma_scale.far_apart(by_inliers(scale).redundant, robots.degrees):
-        return scale
-    room, least = 0.5 * scale, settings.least_scale
-    while room > least:
-        settled = by_inliers(room)
-        kept, fitting = settled.inlier.sum(), sigma_scale.of_residuals(settled.redundant, robots.degrees)
-        if fitting is None or 2 * kept < robots.own.sum():
-            return scale
-        if fitting <= 0.5 and by_inliers(max(fitting * room, least)).inlier.sum() >= MOST * kept:
-            return _allowed(fitting * room, settings)
-        room *= 0.5
-    return scale
-
-
-def _merged(
-    robots: Robots, settings: MergeSettings, by_inliers: Callable[[float], Settled], scale: float
-) -> MergedGroups:
+def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float) -> MergedGroups:
     """Round after round."""
     limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
-    group, settled = np.arange(robots.count), by_inliers(scale)
+    group, settled = np.arange(robots.count), own.inliers(scale)
     of_robots: list[CandidateSet] | None = None
     torn = np.zeros(len(robots.loops), bool)  # closures of sets of which too little was left
     while True:
