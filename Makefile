@@ -1,6 +1,7 @@
 # Two commands serve a fresh machine: `make demo` and `make test`.  Both set up .venv first, and only when something changed.
 VENV := .venv
 BIN := $(VENV)/bin
+ON_ALL_CORES := -n logical --maxprocesses 8 --dist worksteal # each file's tests mostly in one process, for the fixtures they share
 
 .PHONY: help setup test test-slow test-hours lint demo docs bench browser report-bundle package release-check clean
 .DEFAULT_GOAL := help
@@ -23,10 +24,10 @@ lint: setup ## ruff, mypy strict, import contracts
 	$(BIN)/lint-imports --no-logo
 
 test: lint ## lint, and the quick tests
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest $(ON_ALL_CORES) -m "not slow"
 
 test-slow: setup ## the tests that take longer: recorded drives, packaging
-	$(BIN)/pytest -m "slow and not hours"
+	$(BIN)/pytest $(ON_ALL_CORES) -m "slow and not hours"
 
 test-hours: setup ## thousands of mutated files for every reader, hundreds of full disks, kills and vanishing inputs
 	$(BIN)/pytest -m hours

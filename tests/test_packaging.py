@@ -11,6 +11,7 @@ import sysconfig
 import tarfile
 import tomllib
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -108,29 +109,39 @@ def test_distributions_hold_all_modules_and_presets(distributions: tuple[Path, P
     assert not any(name.startswith(("pipeline/", "configs/", "tests/")) for name in in_wheel)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [0, 1], ids=["wheel", "sdist"])
-def test_distributions_run_in_a_clean_environment(distributions: tuple[Path, Path], tmp_path: Path, kind: int) -> None:
-    run(sys.executable, "-m", "venv", tmp_path / "clean")
-    python = tmp_path / "clean/bin/python"
-    # The dependencies come from this environment; a path entry shows its packages but not its editable install.
-    dependencies = sysconfig.get_paths()["purelib"]
+@dataclass(frozen=True)
+class Installed:
+    """A clean environment with one distribution.  A path entry shows it our dependencies, not our editable install."""
+
+    folder: Path
+
+    def run(self, command: str, *words: str | Path, **environment: str) -> str:
+        return run(self.folder / "bin" / command, *words, PYTHONPATH=sysconfig.get_paths()["purelib"], **environment)
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["wheel", "sdist"])
+def installed(
+    request: pytest.FixtureRequest, distributions: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
+) -> Installed:
+    clean = Installed(tmp_path_factory.mktemp("installed") / "clean")
+    run(sys.executable, "-m", "venv", clean.folder)
     offline = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
-    run(python, "-m", "pip", "install", *offline, distributions[kind], PYTHONPATH=dependencies)
-    where = run(python, "-c", "import wiclosure.pipeline.cli as m; print(m.__file__)", PYTHONPATH=dependencies)
-    assert Path(where.strip()).is_relative_to(tmp_path / "clean")
-    config = run(tmp_path / "clean/bin/wiclosure", "dump-config", PYTHONPATH=dependencies)
-    assert "distance_m" in config
+    clean.run("python", "-m", "pip", "install", *offline, distributions[request.param])
+    return clean
 
 
 @pytest.mark.slow
-def test_the_demo_runs_from_the_wheel(distributions: tuple[Path, Path], tmp_path: Path) -> None:
+def test_distributions_run_in_a_clean_environment(installed: Installed) -> None:
+    where = installed.run("python", "-c", "import wiclosure.pipeline.cli as m; print(m.__file__)")
+    assert Path(where.strip()).is_relative_to(installed.folder)
+    assert "distance_m" in installed.run("wiclosure", "dump-config")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("installed", [0], ids=["wheel"], indirect=True)
+def test_the_demo_runs_from_the_wheel(installed: Installed, tmp_path: Path) -> None:
     """What `make release-check` does, with the dependencies of this environment."""
-    run(sys.executable, "-m", "venv", tmp_path / "clean")
-    packages = {"PYTHONPATH": sysconfig.get_paths()["purelib"], "WICLOSURE_CACHE": str(tmp_path / "cache")}
-    offline = ("--no-deps", "--no-index", "--no-build-isolation", "--ignore-installed")
-    run(tmp_path / "clean/bin/python", "-m", "pip", "install", *offline, distributions[0], **packages)
-    run(tmp_path / "clean/bin/wiclosure", "demo", "--quiet", "--out", tmp_path / "demo", **packages)
+    installed.run("wiclosure", "demo", "--quiet", "--out", tmp_path / "demo", WICLOSURE_CACHE=str(tmp_path / "cache"))
     metrics = json.loads((tmp_path / "demo/wiclosure/metrics.json").read_text())
     assert len(metrics["components"]) == 1
     assert metrics["closures"]["accepted_false"] == 0

@@ -7,28 +7,27 @@ of robots check each other over third robots; sets that hold join their groups, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
-from wiclosure.backends.consistency.own_loops import by_all_own_loops, by_own_inliers
+from wiclosure.backends.consistency.odometry_factors import odometry_factors
+from wiclosure.backends.consistency.own_loops import OwnLoops
+from wiclosure.backends.consistency.scale import allowed, scale_of
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
-from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups, places_of_groups, sets_between, stands
+from wiclosure.backends.sets.pair_sets import pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-REFINEMENTS = 4  # of the scale of sigma
-SEPARATIONS = 2  # of it into components: with the second, those that the first has admitted tell as well
-TELLING_PAIRS = 50  # of robots, those with most closures, that tell the scale
-VAGUE = 0.2  # of a path's extent: where odometry drifts as far, false loops fit as well
-MOST = 0.95  # of the loops, which as many sigmas as that leave in
+SEPARATIONS = (
+    2  # of the scale of sigma into components: with the second, those that the first has admitted tell as well
+)
 TORN = "what the estimate leaves of its set would not be accepted"
 
 
@@ -43,6 +42,7 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
     inlier: BoolArray
@@ -51,6 +51,7 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
@@ -60,105 +61,49 @@ class MergedGroups:
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
-    everything = by_all_own_loops(robots)
     if settings.most_scale <= 1:
-        return _merged(robots, settings, everything, 1.0)
-    merged = _under_one_factor(robots, settings, everything)
+        return _merged(robots, settings, OwnLoops(robots, settings), 1.0)
+    of_odometry = odometry_factors(robots, settings)
+    robots = robots.loosened(of_odometry)
+    merged = _under_one_factor(robots, settings)
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
         if factors is None:
             break
         restated = robots.scaled(factors)
-        merged = _under_one_factor(restated, settings, by_all_own_loops(restated))
+        merged = _under_one_factor(restated, settings.after(factors))
         merged.factors = merged.factors * factors
+    merged.odometry_factors = of_odometry
     return merged
 
 
-def _under_one_factor(robots: Robots, settings: MergeSettings, everything: Settled) -> MergedGroups:
-    scale = _finer(robots, settings, everything, _scale(robots, settings, everything))
-    merged = _merged(robots, settings, everything, scale)
+def _under_one_factor(robots: Robots, settings: MergeSettings) -> MergedGroups:
+    own = OwnLoops(robots, settings)
+    scale = scale_of(robots, settings, own)
+    merged = _merged(robots, settings, own, scale)
     left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
-    better = sigma_scale.settled(scale * (left or 1.0), settings.most_scale)
+    better = allowed(scale * (left or 1.0), settings)
     if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
         return merged
-    return _merged(robots, settings, everything, better)
+    return _merged(robots, settings, own, better)
 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:
     """Factors `(2,)` that fit the merged groups better, within what is allowed; None if those they have do."""
-    least, most = sigma_scale.least(settings.most_scale), settings.most_scale
 
     def under(more: FloatArray) -> VarianceComponents:
-        of = robots.scaled(np.clip(merged.factors * more, least, most))  # where all is exact, there is no end
+        of = robots.scaled(merged.factors * more)
         return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
-    more = separate_factors(merged.settled.components, under)
-    return None if (more == 1.0).all() else np.clip(merged.factors * more, least, most)
+    bounds = settings.least_scale / merged.factors, settings.most_scale / merged.factors
+    more = separate_factors(merged.settled.components, under, bounds)
+    return None if (more == 1.0).all() else merged.factors * more
 
 
-def _scale(robots: Robots, settings: MergeSettings, everything: Settled) -> float:
-    """Of what robots say within themselves; else of the sets between them."""
-    most, limit = settings.most_scale, outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-    known, scale = sigma_scale.of_residuals(everything.redundant, robots.degrees), most
-    if known is not None and known > sigma_scale.NO_MATTER:  # or some loops are false, and the others fit as stated
-        as_stated = by_own_inliers(robots, everything, limit)
-        fitting = sigma_scale.of_residuals(as_stated.redundant, robots.degrees)
-        if fitting is not None and fitting <= sigma_scale.NO_MATTER:
-            wider = sigma_scale.settled(known, most)  # where sigma is too small, few fit, and by chance
-            under_wider = by_own_inliers(robots.scaled(wider), everything.scaled(wider), limit)
-            if 2 * as_stated.inlier.sum() >= under_wider.inlier.sum():
-                return sigma_scale.settled(fitting, most)
-    for _ in range(REFINEMENTS):
-        if known is None:
-            break
-        before, scale = scale, sigma_scale.settled(known, most)
-        if scale > before / sigma_scale.NO_MATTER:  # no smaller: what is left are inliers
-            return scale
-        by_itself = by_own_inliers(robots.scaled(scale), everything.scaled(scale), limit)
-        left = sigma_scale.of_residuals(by_itself.redundant, robots.degrees)
-        if left is None:
-            break
-        known = scale * left
-    if known is not None:
-        return scale
-    settled = by_own_inliers(robots.scaled(most), everything.scaled(most), limit).scaled(1.0 / most)
-    alone = np.arange(robots.count)
-    widest = settings.agree_limit * (2.0 * most) ** 2
-    largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
-    return sigma_scale.settled(sigma_scale.of_sets(comparisons, settings.agree_limit, most), most)
-
-
-def _finer(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> float:
-    """A smaller factor, where residuals are far apart or odometry knows little, and the loops it leaves out are false.
-
-    Where sigma is stated far too large, false loops fit it by accident and strain all else.  They stay out under a
-    larger sigma as well than the other residuals ask for, while of true ones more and more would fit.
-    """
-    limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-
-    def inliers(under: float) -> Settled:
-        return by_own_inliers(robots.scaled(under), everything.scaled(under), limit)
-
-    vague = robots.scaled(scale).drift_share() > VAGUE
-    if not vague and not sigma_scale.far_apart(inliers(scale).redundant, robots.degrees):
-        return scale
-    room, least = 0.5 * scale, sigma_scale.least(settings.most_scale)
-    while room > least:
-        settled = inliers(room)
-        kept, fitting = settled.inlier.sum(), sigma_scale.of_residuals(settled.redundant, robots.degrees)
-        if fitting is None or 2 * kept < robots.own.sum():
-            return scale
-        if fitting <= 0.5 and inliers(max(fitting * room, least)).inlier.sum() >= MOST * kept:
-            return sigma_scale.settled(fitting * room, settings.most_scale)
-        room *= 0.5
-    return scale
-
-
-def _merged(robots: Robots, settings: MergeSettings, everything: Settled, scale: float) -> MergedGroups:
+def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float) -> MergedGroups:
     """Round after round."""
     limit, robots = outlier_limit(len(robots.loops), settings.probability, robots.degrees), robots.scaled(scale)
-    group, settled = np.arange(robots.count), by_own_inliers(robots, everything.scaled(scale), limit)
+    group, settled = np.arange(robots.count), own.inliers(scale)
     of_robots: list[CandidateSet] | None = None
     torn = np.zeros(len(robots.loops), bool)  # closures of sets of which too little was left
     while True:

@@ -2,14 +2,80 @@
 
 from __future__ import annotations
 
+from functools import cached_property, lru_cache
+
 import numpy as np
 
+from wiclosure.backends.consistency.own_claims import OwnClaims
 from wiclosure.backends.least_squares.chordal import cheaper, chordal
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
 from wiclosure.backends.least_squares.system import System
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.types import BoolArray, FloatArray
 
 PROBABILITY = 0.99  # that no residual of a right estimate makes another start be tried
+
+
+class OwnLoops:
+    """Each robot by its own loops, with all standard deviations so many times as large as stated."""
+
+    def __init__(self, robots: Robots, settings: MergeSettings) -> None:
+        self.robots, self.settings = robots, settings
+        self.limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+        self.inliers = lru_cache(2)(self._inliers)  # the scale that is decided on is asked for again
+
+    @cached_property
+    def all(self) -> Settled | None:
+        """By all of them; None where some stand alone against odometry."""
+        return None if self._trusted(self.robots) is not None else self._everything
+
+    def within(self, settled: Settled, times: float) -> int:
+        """How many loops lie where an estimate predicts them, with so many times its standard deviations."""
+        return int((settled.distance[self.robots.own] <= times**2 * self.limit).sum())
+
+    @cached_property
+    def _everything(self) -> Settled:
+        return by_all_own_loops(self.robots)
+
+    def _inliers(self, scale: float) -> Settled:
+        """By those that agree: all of them, where none contradicts the others."""
+        robots = self.robots.scaled(scale)
+        trusted = self._trusted(robots)
+        if trusted is not None:
+            return self._grown(robots, trusted)
+        everything = self._everything.scaled(scale)
+        if not (everything.distance[robots.own] > self.limit).any():
+            return everything
+        return self._among(robots, robots.own, [everything.poses, robots.poses])
+
+    def _trusted(self, robots: Robots) -> BoolArray | None:
+        """Loops `(M,)` that neighbours support; None where odometry refutes no other."""
+        own, found = robots.own, np.zeros(len(robots.loops), bool)
+        of = OwnClaims.of(robots)
+        refuted = of.refuted(self.limit)
+        if not refuted.any():
+            return None
+        supported = of.supported(self.settings.agree_limit)
+        found[own] = supported
+        return found if (refuted & ~supported).any() else None
+
+    def _grown(self, robots: Robots, trusted: BoolArray) -> Settled:
+        """From the trusted loops, then from all that the estimate by these does not refute.
+
+        The others never enter: each would join two places more, and fill the normal matrix.
+        """
+        by_trusted = self._among(robots, trusted, [robots.poses], rounds=1)
+        plausible = robots.own & (by_trusted.distance <= self.limit)
+        return self._among(robots, plausible, [by_trusted.poses])
+
+    def _among(self, robots: Robots, candidates: BoolArray, starts: list[FloatArray], **rounds: int) -> Settled:
+        """By the inliers among these; the others are checked against what they predict."""
+        inlier, loops = candidates.copy(), robots.loops.subset(candidates)
+        inlier[candidates], poses = graduated(robots.odometry, loops, starts, robots.first_nodes, self.limit)
+        return settle(
+            robots.odometry, robots.loops, inlier, robots.own, poses, robots.first_nodes, self.limit, **rounds
+        )
 
 
 def by_all_own_loops(robots: Robots) -> Settled:
@@ -22,14 +88,3 @@ def by_all_own_loops(robots: Robots) -> Settled:
     system = System.of(robots.odometry + robots.loops.subset(own), found.poses, robots.first_nodes)
     start = cheaper(system, found.poses, system.solved(chordal(system, found.poses)))
     return settle(robots.odometry, robots.loops, own, own, start, robots.first_nodes, np.inf)
-
-
-def by_own_inliers(robots: Robots, everything: Settled, limit: float) -> Settled:
-    """Each robot by its own loops: all of them, where none contradicts the others."""
-    own = robots.own
-    if not (everything.distance[own] > limit).any():
-        return everything
-    inlier = own.copy()
-    starts = [everything.poses, robots.poses]
-    inlier[own], poses = graduated(robots.odometry, robots.loops.subset(own), starts, robots.first_nodes, limit)
-    return settle(robots.odometry, robots.loops, inlier, own, poses, robots.first_nodes, limit)

@@ -16,6 +16,7 @@ from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.backends.sets.sigma_scale import least
 from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
 _ONE_PLACE = 2  # closures that agree by being of the same place
@@ -38,6 +39,20 @@ class PcmResult:
     basis: tuple[TeamArrays, MergedGroups] | None = None
 
     @property
+    def odometry_factors(self) -> dict[str, float]:
+        """How many times larger than stated the errors of odometry are taken, by robot, where other than once."""
+        if self.basis is None:
+            return {}
+        team, merged = self.basis
+        factors = zip(team.names, merged.odometry_factors.tolist(), strict=False)
+        return {robot: factor for robot, factor in factors if factor != 1}
+
+    def restated(self, trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
+        """Odometry with standard deviations as they are taken here, the common `scale` aside."""
+        factors = self.odometry_factors
+        return {robot: t.loosened(factors[robot]) if robot in factors else t for robot, t in trajectories.items()}
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """A sentence for each pair of robots of which two sets of closures contradict each other, one accepted."""
         return tuple(pair.doubt for pair in self.pairs if pair.doubt)
@@ -50,7 +65,12 @@ class PcmResult:
     @property
     def remarks(self) -> tuple[str, ...]:
         """One sentence for each pair of robots."""
-        sentences = tuple(pair.sentence for pair in self.pairs)
+        sentences = tuple(
+            f"the odometry of {robot} errs more than it states: its standard deviations are taken {factor:.2g} times"
+            " as large, so its own loops agree"
+            for robot, factor in self.odometry_factors.items()
+        )
+        sentences += tuple(pair.sentence for pair in self.pairs)
         if self.scale == 1:
             return sentences
         return (
@@ -131,6 +151,7 @@ def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
         ambiguous_share=settings.ambiguous_share,
         min_size=settings.min_clique_size,
         most_scale=settings.max_scale,
+        least_scale=least(settings.max_scale),
         view_steps=settings.view_keyframes,
     )
 

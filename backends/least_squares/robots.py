@@ -7,9 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from wiclosure.backends.least_squares.edges import Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.edges import Edges, degrees_of_true_ones
 from wiclosure.backends.least_squares.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
+
+WRITTEN = 1e-6  # rad, m: one sigma of what six decimals leave of a quaternion or a coordinate
+WRITTEN_SHARE = 3e-6  # of a length, what six significant digits leave of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +46,8 @@ class Robots:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of all measurements."""
-        return degrees_of_freedom(self.odometry.T, self.loops.T)
+        """Of freedom of true measurements."""
+        return degrees_of_true_ones(self.odometry.T, self.loops.T)
 
     @property
     def own(self) -> BoolArray:
@@ -73,9 +76,38 @@ class Robots:
         shares = drift_m[closing] / np.maximum(extent_m[closing], 1e-9)
         return float(np.median(shares)) if len(closing) else 0.0
 
-    def scaled(self, factors: float | FloatArray) -> Robots:
-        """All standard deviations times one factor, or `(2,)` of rotation and translation."""
+    def alone(self, robot: int) -> Robots:
+        """One of them, with its own loops."""
+        nodes = np.flatnonzero(self.robot == robot)
+        own, first = self.own & (self.robot[self.loops.first] == robot), nodes[0]
         odometry, loops = (
-            Edges(e.first, e.second, e.T, restated(e.covariance, factors)) for e in (self.odometry, self.loops)
+            Edges(e.first - first, e.second - first, e.T, e.covariance)
+            for e in (self.odometry.subset(self.robot[self.odometry.first] == robot), self.loops.subset(own))
         )
-        return replace(self, odometry=odometry, loops=loops)
+        return Robots(
+            np.zeros(len(nodes), np.int64), self.poses[nodes], odometry, loops, self.predicted[own],
+            self.along_m[nodes], self.length_m[[robot]], self.step_m,
+        )  # fmt: skip
+
+    def loosened(self, factors: FloatArray) -> Robots:
+        """The standard deviations of each robot's odometry times factors `(R,)`."""
+        squared = factors[self.robot[self.odometry.first]] ** 2
+        return replace(
+            self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance)
+        )
+
+    def scaled(self, factors: float | FloatArray) -> Robots:
+        """All standard deviations times one factor, or `(2,)` of rotation and translation.
+
+        Smaller ones leave in what numbers lose where they are written: measurements without noise have that left.
+        """
+        return replace(self, odometry=_restated(self.odometry, factors), loops=_restated(self.loops, factors))
+
+
+def _restated(edges: Edges, factors: float | FloatArray) -> Edges:
+    covariance = restated(edges.covariance, factors)
+    if np.min(factors) < 1.0:
+        axes, length = np.arange(6), np.linalg.norm(edges.T[:, :3, 3], axis=1, keepdims=True)
+        covariance[:, axes, axes] += WRITTEN**2
+        covariance[:, axes[3:], axes[3:]] += (WRITTEN_SHARE * length) ** 2
+    return Edges(edges.first, edges.second, edges.T, covariance)

@@ -15,7 +15,7 @@ from scipy.stats import f
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.chordal import cheaper_start
-from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_true_ones, mahalanobis_squared
 from wiclosure.backends.least_squares.system import STEPS, Descent, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
@@ -146,6 +146,7 @@ def settle(
     poses: FloatArray,
     held: IntArray,
     limit: float,
+    rounds: int = CHECK_ROUNDS,
 ) -> Settled:
     """Starts with the given inliers, drops those that the others contradict and admits those that they predict.
 
@@ -157,15 +158,16 @@ def settle(
         poses: start, in the groups' frames.
         held: first node of each group.
         limit: squared distance from which a closure is an outlier.
+        rounds: of dropping and admitting; with one, closures are checked, and none is admitted.
     """
     rng = np.random.default_rng(len(loops))
     rows = np.flatnonzero(inside)
     system = System.of(odometry + loops.subset(rows), poses, held)
     noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
-    degrees, converged = degrees_of_freedom(odometry.T, loops.T), False
-    for step in range(CHECK_ROUNDS):
-        used, last = np.concatenate([np.ones(count, bool), kept]), step == CHECK_ROUNDS - 1
+    degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
+    for step in range(rounds):
+        used, last = np.concatenate([np.ones(count, bool), kept]), step == rounds - 1
         part = system.subset(used)
         start = poses if converged else cheaper_start(part, poses)
         descent = part.descent(start, np.ones(len(part.edges)), STEPS if last else FEW_STEPS)

@@ -59,22 +59,25 @@ class VarianceComponents:
         return np.where(self.redundancy >= ENOUGH, found, 1.0)
 
 
-def separate_factors(components: VarianceComponents, under: Callable[[FloatArray], VarianceComponents]) -> FloatArray:
+def separate_factors(
+    components: VarianceComponents,
+    under: Callable[[FloatArray], VarianceComponents],
+    bounds: tuple[FloatArray, FloatArray],
+) -> FloatArray:
     """Factors `(2,)` under which the residuals are as expected; both 1 where they are much alike.
 
     Args:
         components: as stated.
         under: those found under factors.
+        bounds: least and most `(2,)` of the factors; where all is exact, there is no other end.
     """
-    factors = np.ones(2)
-    if _alike(components.factors):
-        return factors
+    factors = np.clip(components.factors, *bounds)
+    if _alike(factors):
+        return np.ones(2)
     for _ in range(ROUNDS):
-        change = components.factors
-        factors = factors * change
-        if np.abs(np.log(change)).max() <= np.log(CONVERGED):
+        before, factors = factors, np.clip(factors * under(factors).factors, *bounds)
+        if np.abs(np.log(factors / before)).max() <= np.log(CONVERGED):
             break
-        components = under(factors)
     return np.ones(2) if _alike(factors) else factors
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_true_ones, mahalanobis_squared
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 65536  # pairs at once: bounds memory
+SAMPLED_AT_ONCE = 4096  # likewise, of those whose samples are held
 COUNTED = 2000  # closures among which neighbours are counted
 NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
 DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
@@ -58,8 +59,8 @@ class Claims:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of the differences between frames."""
-        return degrees_of_freedom(self.frames)
+        """Of freedom of the differences between true frames."""
+        return degrees_of_true_ones(self.frames[:0], self.frames)
 
     @cached_property
     def noise(self) -> FloatArray:
@@ -75,6 +76,11 @@ class Claims:
             both / np.sqrt(max(samples - DEGREES - 1, 1))
         )  # the inverse of a sampled covariance is larger
 
+    @cached_property
+    def frame_covariance(self) -> FloatArray:
+        """Covariance `(N, 6, 6)` of each frame by itself, as errors in B."""
+        return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
+
     def mean_frame(self, rows: IntArray, near: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """`T_A_B` by the closures at `rows` together, each weighted by its own information.
 
@@ -87,7 +93,7 @@ class Claims:
             `(6, S)` by the ends' poses, which the closures share.
         """
         noise, wander = self.noise[rows], self.wander[rows]
-        information = np.linalg.inv(noise + wander @ np.swapaxes(wander, 1, 2))
+        information = np.linalg.inv(self.frame_covariance[rows])
         gain = np.linalg.solve(information.sum(axis=0), information)
         apart = se3.log(se3.between(self.frames[near], self.frames[rows]))
         frame = self.frames[near] @ se3.exp(np.einsum("nij,nj->i", gain, apart))
@@ -108,10 +114,21 @@ class Claims:
             one, other = part[first], second
             products = self.wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
             cross = products.reshape(len(part), DEGREES, len(self), DEGREES)[first, :, second]
-            covariance = self._own[one] + self._own[other] - cross - np.swapaxes(cross, 1, 2)
+            covariance = self.frame_covariance[one] + self.frame_covariance[other] - cross - np.swapaxes(cross, 1, 2)
             error = se3.log(se3.between(self.frames[one], self.frames[other]))
             found[start + first, second] = mahalanobis_squared(error, covariance)
         found[np.arange(len(rows)), rows] = 0.0
+        return found
+
+    def pair_distances(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Squared Mahalanobis distances `(P,)` between the frames at `one` and those at `other`."""
+        found = np.empty(len(one))
+        for start in range(0, len(one), SAMPLED_AT_ONCE):
+            i, j = one[start : start + SAMPLED_AT_ONCE], other[start : start + SAMPLED_AT_ONCE]
+            apart = self.wander[j] - self.wander[i]
+            covariance = self.noise[i] + self.noise[j] + apart @ np.swapaxes(apart, 1, 2)
+            error = se3.log(se3.between(self.frames[i], self.frames[j]))
+            found[start : start + SAMPLED_AT_ONCE] = mahalanobis_squared(error, covariance)
         return found
 
     def neighbours(self, limit: float) -> IntArray:
@@ -124,11 +141,6 @@ class Claims:
             found[part] = self._may_agree(part, counted, limit).sum(axis=1)
         return found
 
-    @cached_property
-    def _own(self) -> FloatArray:
-        """Covariance `(N, 6, 6)` of each frame by itself."""
-        return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
-
     def _may_agree(self, rows: IntArray, others: IntArray, limit: float) -> BoolArray:
         """`(R, K)` False where a squared distance certainly exceeds `limit`.
 
@@ -136,7 +148,9 @@ class Claims:
         the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
         difference is at most twice the sum of both.
         """
-        turn, shift = (2.0 * np.trace(self._own[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6)))
+        turn, shift = (
+            2.0 * np.trace(self.frame_covariance[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6))
+        )
         positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
         apart = cdist(positions[rows], positions[others], "sqeuclidean")
         angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
@@ -160,14 +174,7 @@ class Claims:
         ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
         made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
         unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
-        distances = []
-        for start in range(0, len(chosen), PAIRS_AT_ONCE):
-            i, j = one[start : start + PAIRS_AT_ONCE], other[start : start + PAIRS_AT_ONCE]
-            apart = unrelated.wander[j] - unrelated.wander[i]
-            covariance = unrelated.noise[i] + unrelated.noise[j] + apart @ np.swapaxes(apart, 1, 2)
-            error = se3.log(se3.between(unrelated.frames[i], unrelated.frames[j]))
-            distances.append(mahalanobis_squared(error, covariance))
-        return np.sort(np.concatenate(distances)) if distances else np.zeros(0)
+        return np.sort(unrelated.pair_distances(one, other))
 
     def _arrays(self) -> tuple[FloatArray, ...]:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b

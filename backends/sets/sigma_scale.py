@@ -67,11 +67,11 @@ def of_sets(comparisons: Sequence[ClosureComparison], limit: float, most: float)
     return float(np.max(scales[rarer], initial=found))
 
 
-def settled(scale: float, most: float) -> float:
+def settled(scale: float, least: float, most: float) -> float:
     """Within what is allowed; 1 where it is near 1."""
     if 1.0 / NO_MATTER <= scale <= NO_MATTER:
         return 1.0
-    return float(np.clip(scale, least(most), most))
+    return float(np.clip(scale, least, most))
 
 
 def least(most: float) -> float:

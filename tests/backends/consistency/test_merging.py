@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -155,3 +156,44 @@ def test_false_loops_within_robots_do_not_fit_under_a_metre_and_a_radian(team_ma
     kept = live(pairwise_consistent(unknown, odometry, PcmSettings(noise=EXACT, max_scale=10.0)))
     assert kept[: len(closures)].mean() >= 0.9
     assert not kept[len(closures) :].any()
+
+
+@pytest.mark.parametrize(("seed", "sigma"), [(3, 1e-5), (0, 1e-3), (4, 1e-3), (0, 1e-2)])
+def test_measurements_without_noise_written_with_six_digits_are_kept_whatever_they_state(seed, sigma):
+    """The factor falls to where only rounding is left, no sign of false loops, and no further."""
+    rng, n, odometry, paths = np.random.default_rng(seed), 100, {}, []
+
+    def stated(count):
+        sigmas = np.repeat([sigma, 5 * sigma], 3) * np.exp(rng.uniform(-1, 1, (count, 1)) * np.log(10.0))
+        return np.stack([np.diag(of**2) for of in sigmas])
+
+    def written(T):
+        yaw = np.arctan2(T[:, 1, 0], T[:, 0, 0])
+        return np.stack(
+            [se3.from_yaw(round(float(y), 6), np.round(t, 6)) for y, t in zip(yaw, T[:, :3, 3], strict=True)]
+        )
+
+    for robot in ("alpha", "beta"):
+        tangents = np.zeros((n - 1, 6))
+        tangents[:, 2], tangents[:, 3] = rng.choice([0.0, np.pi / 2, -np.pi / 2, 0.0], n - 1), 1.0
+        start = se3.from_yaw(rng.uniform(-3, 3), np.array([*rng.uniform(-5, 5, 2), 0.0]))
+        truth = np.stack(list(accumulate(se3.exp(tangents), np.matmul, initial=start)))
+        steps = written(se3.between(truth[:-1], truth[1:]))
+        path = np.stack(list(accumulate(steps, np.matmul, initial=np.eye(4))))
+        odometry[robot] = Trajectory(robot, np.arange(n) * 10**9, path, step_covariances=stated(n - 1))
+        paths.append(truth)
+    closures = []
+    for a, b in ((0, 0), (0, 1), (1, 1)):
+        i, j = rng.choice(n, 40, replace=False), rng.choice(n, 40, replace=False)
+        i, j = (part[np.abs(i - j) > 3] for part in (i, j))
+        T = written(se3.between(paths[a][i], paths[b][j]))
+        ends = [
+            (KeyframeId(list(odometry)[a], int(k)), KeyframeId(list(odometry)[b], int(m)))
+            for k, m in zip(i, j, strict=True)
+        ]
+        measured = zip(ends, T, stated(len(i)), strict=True)
+        closures += [Closure.from_measurement(*of, pose, covariance) for of, pose, covariance in measured]
+    result = pairwise_consistent(closures, odometry, PcmSettings(noise=EXACT, max_scale=10.0))
+    assert live(result).all()
+    assert result.basis is not None
+    assert (result.basis[1].factors >= 1e-3 * (1 - 1e-9)).all()

@@ -51,6 +51,14 @@ def test_a_scale_of_sigma_is_squared_in_covariances_and_changes_nothing_else(rob
     assert robots.loops.covariance[0, 0, 0] == 1.0
 
 
+def test_a_scale_below_one_leaves_in_what_written_digits_lose(robots):
+    """A tenth hardly differs; a billionth leaves the last of six decimals, or of six digits of a length."""
+    tenth, none = robots.scaled(0.1), robots.scaled(1e-9)
+    np.testing.assert_allclose(tenth.loops.covariance, 0.01 * robots.loops.covariance, rtol=1e-8, atol=1e-11)
+    written = np.diag(np.repeat([1e-6**2, 1e-6**2 + 3e-6**2], 3))
+    np.testing.assert_allclose(none.odometry.covariance[0], written, rtol=1e-4, atol=1e-20)
+
+
 def test_drift_is_shared_by_the_extent_of_paths_that_close_loops(robots):
     """Two steps of 5 m each axis, on a path that reaches 20 m; the other robots have no loops of their own."""
     poses = robots.poses.copy()

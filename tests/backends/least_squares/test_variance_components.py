@@ -8,6 +8,7 @@ from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.settling import settle
 from wiclosure.backends.least_squares.variance_components import VarianceComponents, restated, separate_factors
 
+ANY = np.zeros(2), np.full(2, np.inf)
 SIGMA = np.repeat([0.01, 0.2], 3)
 
 
@@ -29,7 +30,7 @@ def test_rotation_and_translation_are_told_apart_where_both_are_stated_as_one(ro
         parts = of.subset(np.arange(n - 1)), of.subset(np.arange(n - 1, len(of)))
         return settle(*parts, loops, loops, truth, np.array([0]), np.inf).components
 
-    factors = separate_factors(under(np.ones(2)), under)
+    factors = separate_factors(under(np.ones(2)), under, ANY)
     np.testing.assert_allclose(factors * [rotation, translation], [0.01, 0.2], rtol=0.15)
 
 
@@ -38,8 +39,16 @@ def test_factors_much_alike_are_one_and_too_little_redundancy_has_none():
         raise AssertionError(factors)
 
     alike = VarianceComponents(np.array([100.0, 200.0]), np.array([100.0, 100.0]))
-    np.testing.assert_array_equal(separate_factors(alike, never), np.ones(2))
+    np.testing.assert_array_equal(separate_factors(alike, never, ANY), np.ones(2))
     np.testing.assert_allclose(VarianceComponents(np.array([400.0, 9.0]), np.array([100.0, 5.0])).factors, [2.0, 1.0])
+
+
+def test_factors_end_where_they_must_and_are_not_asked_for_beyond():
+    none = VarianceComponents(np.array([1e-9, 1e-9]), np.array([100.0, 100.0]))
+    exact = VarianceComponents(np.array([1e-9, 100.0]), np.array([100.0, 100.0]))
+    bounds = np.array([0.1, 0.1]), np.array([10.0, 10.0])
+    np.testing.assert_allclose(separate_factors(exact, lambda factors: exact, bounds), [0.1, 1.0])
+    np.testing.assert_array_equal(separate_factors(none, lambda factors: none, bounds), np.ones(2))
 
 
 def test_planar_residuals_have_one_of_rotation_and_two_of_translation():

@@ -71,4 +71,4 @@ def test_unrelated_closures_ask_for_nothing():
     [(1.4, 1.0), (0.7, 1.0), (1.6, 1.6), (0.6, 0.6), (100.0, 8.0), (1e-9, sigma_scale.least(MOST))],
 )
 def test_near_one_is_one_and_far_is_bounded(scale, expected):
-    assert sigma_scale.settled(scale, MOST) == expected
+    assert sigma_scale.settled(scale, sigma_scale.least(MOST), MOST) == expected

@@ -141,9 +141,8 @@ def test_missing_file_and_unwritable_place_are_named(tmp_path: Path) -> None:
         write_tum(tmp_path / "nowhere" / "a.tum", random_trajectory(2))
 
 
-@pytest.mark.slow
-def test_a_million_lines_come_back(tmp_path: Path) -> None:
-    trajectory = random_trajectory(1_000_000, start_ns=0)
+def test_more_lines_than_numpy_reads_at_once_come_back(tmp_path: Path) -> None:
+    trajectory = random_trajectory(60_000, start_ns=0)
     write_tum(tmp_path / "long.tum", trajectory)
     read = read_tum(tmp_path / "long.tum", "a")
     np.testing.assert_array_equal(read.stamps_ns, trajectory.stamps_ns)
