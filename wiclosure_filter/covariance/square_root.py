@@ -187,7 +187,7 @@ class _Path:
         spans: Sequence[tuple[int, int]],
         width: int,
     ) -> None:
-        """In place, from `A` to `R^-1 A` in some columns of each clique; those that were not `pulled` are zero there."""
+        """In place, from `A` to `R^-1 A` in some columns of each clique; where they were not `pulled` they are zero."""
         moving = [first < after for first, after in pulled]
         for n, (clique, own, columns) in enumerate(self._steps(spans, width)):
             following = clique.response @ values[self._rows(clique.separator), columns]

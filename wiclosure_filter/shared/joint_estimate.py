@@ -32,6 +32,7 @@ from wiclosure.workers import batches
 
 _AT_ONCE = 32  # robots whose columns of the joint covariance are computed together
 
+
 @dataclass(frozen=True, eq=False)
 class JointEstimate:
     """The shared trajectory of the robots of one component.
