@@ -7,12 +7,13 @@ of robots check each other over third robots; sets that hold join their groups, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
+from wiclosure.backends.consistency.odometry_factors import odometry_factors
 from wiclosure.backends.consistency.own_loops import OwnLoops
 from wiclosure.backends.consistency.scale import allowed, scale_of
 from wiclosure.backends.least_squares.robots import Robots
@@ -41,6 +42,7 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
     inlier: BoolArray
@@ -49,6 +51,7 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
@@ -60,6 +63,8 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
     if settings.most_scale <= 1:
         return _merged(robots, settings, OwnLoops(robots, settings), 1.0)
+    of_odometry = odometry_factors(robots, settings)
+    robots = robots.loosened(of_odometry)
     merged = _under_one_factor(robots, settings)
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
@@ -68,6 +73,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         restated = robots.scaled(factors)
         merged = _under_one_factor(restated, settings.after(factors))
         merged.factors = merged.factors * factors
+    merged.odometry_factors = of_odometry
     return merged
 
 

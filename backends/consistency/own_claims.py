@@ -7,6 +7,7 @@ along both ends of the path claim the same, as those of a true loop do whatever 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -49,10 +50,14 @@ class OwnClaims:
         claims = Claims(robots.poses[a], robots.poses[b], T, covariance, wander[a], wander[b])
         return cls(claims, robots.robot[a], np.stack([robots.along_m[a], robots.along_m[b]], axis=1))
 
+    @cached_property
+    def distances(self) -> FloatArray:
+        """`(N,)` squared Mahalanobis distances from what odometry says."""
+        return mahalanobis_squared(se3.log(self.claims.frames), self.claims.frame_covariance)
+
     def refuted(self, limit: float) -> BoolArray:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""
-        errors = se3.log(self.claims.frames)
-        return np.asarray(mahalanobis_squared(errors, self.claims.frame_covariance) > limit)
+        return self.distances > limit
 
     def supported(self, limit: float) -> BoolArray:
         """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wiclosure.backends.least_squares.edges import Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.edges import Edges, degrees_of_true_ones
 from wiclosure.backends.least_squares.variance_components import restated
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -46,8 +46,8 @@ class Robots:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of all measurements."""
-        return degrees_of_freedom(self.odometry.T, self.loops.T)
+        """Of freedom of true measurements."""
+        return degrees_of_true_ones(self.odometry.T, self.loops.T)
 
     @property
     def own(self) -> BoolArray:
@@ -75,6 +75,26 @@ class Robots:
         closing = np.unique(self.robot[self.loops.first[self.own]])
         shares = drift_m[closing] / np.maximum(extent_m[closing], 1e-9)
         return float(np.median(shares)) if len(closing) else 0.0
+
+    def alone(self, robot: int) -> Robots:
+        """One of them, with its own loops."""
+        nodes = np.flatnonzero(self.robot == robot)
+        own, first = self.own & (self.robot[self.loops.first] == robot), nodes[0]
+        odometry, loops = (
+            Edges(e.first - first, e.second - first, e.T, e.covariance)
+            for e in (self.odometry.subset(self.robot[self.odometry.first] == robot), self.loops.subset(own))
+        )
+        return Robots(
+            np.zeros(len(nodes), np.int64), self.poses[nodes], odometry, loops, self.predicted[own],
+            self.along_m[nodes], self.length_m[[robot]], self.step_m,
+        )  # fmt: skip
+
+    def loosened(self, factors: FloatArray) -> Robots:
+        """The standard deviations of each robot's odometry times factors `(R,)`."""
+        squared = factors[self.robot[self.odometry.first]] ** 2
+        return replace(
+            self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance)
+        )
 
     def scaled(self, factors: float | FloatArray) -> Robots:
         """All standard deviations times one factor, or `(2,)` of rotation and translation.

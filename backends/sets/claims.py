@@ -9,7 +9,12 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import (
+    DEGREES,
+    degrees_of_freedom,
+    degrees_of_true_ones,
+    mahalanobis_squared,
+)
 from wiclosure.backends.least_squares.system import IN_PLANE, OUT_OF_PLANE
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -61,15 +66,15 @@ class Claims:
 
     @cached_property
     def degrees(self) -> int:
-        """Of freedom of the differences between frames."""
-        return degrees_of_freedom(self.frames)
+        """Of freedom of the differences between true frames."""
+        return degrees_of_true_ones(self.frames[:0], self.frames)
 
     @cached_property
     def free(self) -> IntArray:
         """Components `(K,)` that frames differ in: three in the plane, where errors there are independent of others."""
         coupled = np.abs(self.noise[:, IN_PLANE[:, None], OUT_OF_PLANE]).max(initial=0.0)
         apart = coupled + np.abs(self.wander[:, OUT_OF_PLANE]).max(initial=0.0) < ROUNDING
-        return IN_PLANE if apart and self.degrees == len(IN_PLANE) else np.arange(DEGREES)
+        return IN_PLANE if apart and degrees_of_freedom(self.frames) == len(IN_PLANE) else np.arange(DEGREES)
 
     @cached_property
     def noise(self) -> FloatArray:

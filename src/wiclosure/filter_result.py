@@ -68,6 +68,11 @@ class Calibration:
         return abs(self.value) > 3 * max(self.sigma, self.prior_sigma)
 
     @property
+    def blunder_sigma(self) -> float:
+        """Standard deviation of an error that is a blunder."""
+        return _BLUNDER * self.prior_sigma
+
+    @property
     def log_blunder(self) -> float:
         """Natural logarithm of the Bayes factor for an error of a blunder's size, ten times the usual, against that.
 
@@ -76,7 +81,7 @@ class Calibration:
         value, sigma = self.measured
         if abs(value - self.value) <= self.sigma:
             return 0.0
-        usual, blunder = sigma**2 + self.prior_sigma**2, sigma**2 + (_BLUNDER * self.prior_sigma) ** 2
+        usual, blunder = sigma**2 + self.prior_sigma**2, sigma**2 + self.blunder_sigma**2
         return math.log(usual / blunder) / 2 + value**2 / 2 * (1 / usual - 1 / blunder)
 
     @property
@@ -88,7 +93,7 @@ class Calibration:
     @property
     def told(self) -> bool:
         """Whether the measurements tell it at all: better than within ten times its usual size."""
-        return self.measured[1] < _BLUNDER * self.prior_sigma
+        return self.measured[1] < self.blunder_sigma
 
     def __str__(self) -> str:
         (value, sigma), unit = self.measured, self.unit

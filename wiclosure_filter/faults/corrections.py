@@ -6,7 +6,7 @@ differ.  A correction turns the trajectories and the log of two robots into thos
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -39,6 +39,7 @@ class Correction:
         whole_log: true for conventions and units: whoever wrote the log wrote all of it so.
         slip: true where links before and after are to be aligned on their own instead.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
+        leaves_out: true where measurements are left out: what is left need not tell an alignment.
     """
 
     fault: str
@@ -48,6 +49,7 @@ class Correction:
     log_prior: float = 0.0
     whole_log: bool = False
     slip: bool = False
+    leaves_out: bool = False
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
@@ -57,9 +59,12 @@ def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction
     possible += [replace(sigmas_too_small(factor), whole_log=True) for factor in (3.0, 10.0)]
     if log.headings:
         possible.append(_without_compasses())
-    if any(m.range_m is not None for m in log.measurements):
+    ranged, directed = any(m.range_m is not None for m in log.measurements), any(m.paths for m in log.measurements)
+    if ranged and directed:
+        possible += _without_one_kind()
+    if ranged:
         possible += [replace(_ranges_in(unit, metres), whole_log=True) for unit, metres in _UNITS_M.items()]
-    if any(m.paths for m in log.measurements):
+    if directed:
         possible += [replace(convention, whole_log=True) for convention in _of_azimuths(log)]
     return possible
 
@@ -160,6 +165,29 @@ def _azimuths_in(frame: AoaFrame, stated: set[AoaFrame]) -> Correction:
     return _each(
         f"azimuths seem to be in {frame} axes, not in {' and '.join(sorted(stated))} axes (aoa_frame)",
         lambda m: replace(m, aoa_frame=frame),
+    )
+
+
+def _without_one_kind() -> list[Correction]:
+    """Of azimuths or ranges that tell nothing, whatever they are taken for."""
+    return [
+        _left_with(
+            "azimuths contradict ranges and odometry, from whatever axis they run: are they in radians?",
+            lambda log: [replace(m, paths=()) for m in log if m.range_m is not None],
+        ),
+        _left_with(
+            "ranges contradict azimuths and odometry, whatever their unit",
+            lambda log: [replace(m, range_m=None, range_sigma_m=None) for m in log if m.paths],
+        ),
+    ]
+
+
+def _left_with(fault: str, left: Callable[[Sequence[_Measurement]], list[_Measurement]]) -> Correction:
+    return Correction(
+        fault,
+        lambda inputs: (inputs[0], replace(inputs[1], measurements=tuple(left(inputs[1].measurements)))),
+        whole_log=True,
+        leaves_out=True,
     )
 
 

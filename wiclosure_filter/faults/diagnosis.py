@@ -25,6 +25,7 @@ from wiclosure.wiclosure_filter.faults.corrections import (
     slipped,
 )
 from wiclosure.wiclosure_filter.faults.cut import gain_of_cut
+from wiclosure.wiclosure_filter.likelihood.residuals import mode
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -37,12 +38,13 @@ _LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
 
 def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
     """Whether a correction may explain more: not where all that is wrong is that blunders would fit just as well."""
+    # What fits already can gain no more by a correction than its strain.
+    if alignment.strain_probability < STRAINED and alignment.strain / 2 > LIKELIER:
+        return True
     others, best = alignment.likely_alternatives, alignment.best
     if alignment.only_blunders and best is not None:
         return bool(max(other.log_likelihood for other in others) - best.log_likelihood > LIKELIER)
-    # What fits already can gain no more by a correction than its strain.
-    strained = alignment.strain_probability < STRAINED and alignment.strain / 2 > LIKELIER
-    return bool(alignment.suspected_fault) or strained
+    return bool(alignment.suspected_fault)
 
 
 def likeliest(
@@ -131,7 +133,9 @@ def _aligned(inputs: RadioInputs, settings: AlignmentSettings) -> FrameAlignment
 
 def _gain(claimed: FrameAlignment, correction: Correction, corrected: FrameAlignment) -> float:
     """By how much more a correction explains (natural logarithm of odds); -inf where it does not explain enough."""
-    if corrected.best is None or corrected.ambiguous or claimed.best is None:
+    if corrected.best is None or claimed.best is None:
+        return -np.inf
+    if corrected.suspected_fault or (corrected.ambiguous and not correction.leaves_out):
         return -np.inf
     ranges = 0 if corrected.fit is None else int(corrected.fit.agreeing_ranges.sum())
     gained = corrected.best.log_likelihood - claimed.best.log_likelihood - (corrected.strain - claimed.strain) / 2
@@ -158,9 +162,3 @@ def _constant_errors(T_a_b: FloatArray, inputs: RadioInputs, settings: Alignment
         bias = float(mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
         found += [ranges_off(sign * max(abs(bias), 3 * _LEAST_OFF_M)) for sign in (1.0, -1.0)]
     return found
-
-
-def mode(values: np.ndarray, width: float) -> np.ndarray:
-    """Mean of the values around the one that has most others near it."""
-    near = np.abs(values[:, None] - values[None, :]) < width
-    return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())

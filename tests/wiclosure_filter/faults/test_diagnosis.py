@@ -75,6 +75,23 @@ def test_a_blunder_is_named_and_nothing_certain() -> None:
     assert "--accept-correction" in " ".join(result.diagnosis)
 
 
+@pytest.mark.parametrize("kind", ["azimuths", "ranges"])
+def test_what_means_nothing_is_named_and_left_out(kind: str) -> None:
+    """Degrees that a driver wrapped into one turn, and squares of ranges."""
+    spoil = {
+        "azimuths": azimuths(np.degrees),
+        "ranges": lambda m: replace(m, range_m=m.range_m**2 / 5),
+    }[kind]
+    odometry, truth = team("ab")
+    log = WirelessLog(tuple(map(spoil, heard(truth).measurements)))
+    (said,) = WiClosureFilter().candidates(odometry, log).diagnosis
+    assert f"{kind} contradict" in said
+    (corrected,) = WiClosureFilter(FilterSettings(accept_correction=True)).candidates(odometry, log).alignments
+    assert corrected.corrections
+    T_true = odometry["a"].poses[0] @ se3.inverse(truth["a"][0]) @ truth["b"][0] @ se3.inverse(odometry["b"].poses[0])
+    assert np.linalg.norm((corrected.best.T_a_b - T_true)[:2, 3]) < 3.0
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_blunder_can_be_corrected(name: str) -> None:
     odometry, truth = team("ab")

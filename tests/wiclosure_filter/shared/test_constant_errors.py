@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.types import WirelessLog
+from wiclosure.types import Calibration, WirelessLog
 from wiclosure.wiclosure_filter.alignment.calibration import AZIMUTH_A, BIAS, CLOCK, COUNT, RANGE_SCALE, motion
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
-from wiclosure.wiclosure_filter.shared.constant_errors import LinkRows, PriorErrors, with_constant_errors
+from wiclosure.wiclosure_filter.shared.constant_errors import LinkRows, PriorErrors, errors_of, with_constant_errors
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes, NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_factors import JointFactors, add_first_guess, link_factors, step_factors
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
@@ -48,6 +48,17 @@ def test_derivatives_are_those_of_corrected_links(error: int, column: int) -> No
     scale = np.abs(by_errors[:, column]).max()
     np.testing.assert_allclose(by_errors[:, column], (moved - still) / step[error], atol=0.02 * scale)
     assert scale > 0
+
+
+def test_what_nothing_tells_may_be_a_blunder() -> None:
+    team, log, _ = meeting()
+    alignment = WiClosureFilter().align(team, WiClosureFilter().gather(team, log).by_pair)["a", "b"]
+    told = Calibration("range bias", "m", value=0.1, sigma=0.1, prior_sigma=0.3, held_sigma=0.3)
+    untold = replace(told, value=0.0, sigma=0.299)
+    for bias, sigma_m in ((told, 0.3), (untold, 3.0)):
+        errors = errors_of(replace(alignment, calibration=(bias, *alignment.calibration[1:])))
+        assert errors is not None
+        assert errors.sigma[BIAS] == pytest.approx(sigma_m)
 
 
 def test_a_scale_of_one_sigma_moves_the_nodes_at_no_other_cost_than_its_prior() -> None:
