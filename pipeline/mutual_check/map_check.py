@@ -128,7 +128,7 @@ def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettin
     usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, each, strict=True) if r.sigmas]
     honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
     known = np.log(settings.systematic_error / len(tried))
-    wrong = [float(known + logsumexp(of) - r.log_sizes) for r, of in zip(tried, each, strict=True)]
+    wrong = [float(known + logsumexp(of + r.log_shares)) for r, of in zip(tried, each, strict=True)]
     log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
     if log_odds < np.log(settings.decisive_odds):
         return Fit.GOOD if log_odds < -np.log(settings.decisive_odds) and as_read > _FITS else Fit.OPEN
@@ -141,7 +141,7 @@ def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettin
 
 def _likeliest(reading: Reading, found: FloatArray) -> Correction:
     """Of its sizes."""
-    return reading.corrections[int(np.argmax(found))]
+    return reading.corrections[int(np.argmax(found + reading.log_shares))]
 
 
 def _tied(closures: Sequence[Closure]) -> dict[str, IntArray]:

@@ -92,6 +92,7 @@ class RunResult:
         team_m, pairs = metrics["ate_m"]["team"], metrics["pairs_total"]
         rows = [
             ("robots in one map", listed(self.solution.graph.components[0])),
+            ("doubt", "the map may be wrong: see the remarks" if self.solution.doubts else ""),
             ("not connected", listed(self.solution.graph.unconnected)),
             ("candidate pairs", f"{metrics['pairs_kept']:,} of {pairs:,} kept" if pairs else ""),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),
