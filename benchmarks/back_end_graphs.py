@@ -60,7 +60,9 @@ def solved(odometry: dict[str, Trajectory], closures: list[Closure], pcm: PcmSet
     """Consistency, then the estimate, as `wiclosure optimize` does; seconds of the processor."""
     began = time.process_time()
     checked = pairwise_consistent(closures, odometry, pcm or PcmSettings(noise=STATED, max_scale=MAX_SCALE))
-    result = optimise(odometry, checked.closures, PoseGraphSettings(noise=STATED).scaled(checked.scale))
+    result = optimise(
+        checked.restated(odometry), checked.closures, PoseGraphSettings(noise=STATED).scaled(checked.scale)
+    )
     kept = np.array([c.survived(Stage.ESTIMATE) for c in result.closures], bool)
     return Outcome(result, kept, checked.scale, time.process_time() - began)
 

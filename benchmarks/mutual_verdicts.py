@@ -20,9 +20,9 @@ from mutual_faults import FAULTS
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.mutual_check.check import places
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, agrees_with_radio, weigh
+from wiclosure.pipeline.mutual_check.odds import Verdict, agrees_with_radio
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
 from wiclosure.simulation.scenarios.registry import ScenarioSettings, make_scenario
 from wiclosure.types import Closure, FloatArray, KeyframeId, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -67,18 +67,9 @@ def closures(truth: dict[str, Trajectory], shift: FloatArray, count: int, rng: n
 
 def verdict(radio: PairRadio, found: list[Closure], others: int) -> tuple[str, bool]:
     """Verdict on a set, and whether the radio is named."""
-    middle = [found[0]]
-    claimed = radio.claimed(middle)
-    agrees = agrees_with_radio(claimed)
-    errors = radio.errors(middle, search=not agrees)
-    weighed = weigh(
-        claimed,
-        errors,
-        Agreement(len(found), others, places(found)),
-        Agreement(0, 0, 0.0),
-        0.0,
-        MutualCheckSettings(),
-    )
+    evidence = SetEvidence.of(found, others, radio)
+    agrees = agrees_with_radio(evidence.claimed)
+    weighed = evidence.weighed(evidence.errors(search=not agrees), MutualCheckSettings())
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return "agree", False
     return str(weighed.verdict), weighed.verdict in {Verdict.CLOSURES, Verdict.NEITHER, Verdict.UNDECIDED}

@@ -7,17 +7,18 @@ of robots check each other over third robots; sets that hold join their groups, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
+from wiclosure.backends.consistency.odometry_factors import odometry_factors
 from wiclosure.backends.consistency.own_loops import OwnLoops
 from wiclosure.backends.consistency.scale import allowed, scale_of
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
-from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
+from wiclosure.backends.least_squares.variance_components import CONVERGED, VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
@@ -41,6 +42,8 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        room: factor on those of closures besides, up to which they are inliers: odometry may be stated better.
+        odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
     inlier: BoolArray
@@ -49,17 +52,21 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    room: float = 1.0
+    odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
-        """One factor: the larger."""
-        return float(self.factors.max())
+        """One factor up to which closures are inliers."""
+        return float(self.room * self.factors.max())
 
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
     if settings.most_scale <= 1:
         return _merged(robots, settings, OwnLoops(robots, settings), 1.0)
+    of_odometry = odometry_factors(robots, settings)
+    robots = robots.loosened(of_odometry)
     merged = _under_one_factor(robots, settings)
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
@@ -68,6 +75,7 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
         restated = robots.scaled(factors)
         merged = _under_one_factor(restated, settings.after(factors))
         merged.factors = merged.factors * factors
+    merged.odometry_factors = of_odometry
     return merged
 
 
@@ -118,8 +126,13 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
             group, settled = new_group, after
         else:
             torn[np.concatenate([c.rows for c in joining if c not in standing])] = True
+    room = sigma_scale.of_residuals(settled.distance[settled.inlier], robots.degrees) or 1.0
+    if settings.most_scale > 1 and room > CONVERGED:
+        settled = _settled(robots, group, settled.inlier, settled.poses, room**2 * limit)
+    else:
+        room = 1.0
     reasons = _reasons(robots, group, settled, candidates, torn)
-    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale), room)
 
 
 def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:

@@ -7,6 +7,7 @@ along both ends of the path claim the same, as those of a true loop do whatever 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,7 +21,7 @@ from wiclosure.backends.sets.claims import Claims
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 NEIGHBOURS = 8  # loops whose ends are nearest along the path, with which each is compared
-SUPPORTERS = 2  # of them, that must agree with it: one may by chance
+SUPPORTERS = 2  # of them, supported themselves, that must agree with it: one may by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +50,17 @@ class OwnClaims:
         claims = Claims(robots.poses[a], robots.poses[b], T, covariance, wander[a], wander[b])
         return cls(claims, robots.robot[a], np.stack([robots.along_m[a], robots.along_m[b]], axis=1))
 
+    @cached_property
+    def distances(self) -> FloatArray:
+        """`(N,)` squared Mahalanobis distances from what odometry says."""
+        return mahalanobis_squared(se3.log(self.claims.frames), self.claims.frame_covariance)
+
     def refuted(self, limit: float) -> BoolArray:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""
-        errors = se3.log(self.claims.frames)
-        return np.asarray(mahalanobis_squared(errors, self.claims.frame_covariance) > limit)
+        return self.distances > limit
 
     def supported(self, limit: float) -> BoolArray:
-        """`(N,)` those that neighbours lie within a squared distance of `limit` of."""
+        """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
         count = len(self.claims)
         apart_m = 2.0 * self.along_m.max(initial=0.0) * self.robot  # robots are no neighbours
         places = np.column_stack([self.along_m, apart_m])
@@ -64,7 +69,12 @@ class OwnClaims:
         comparable = (one != other) & (self.robot[one] == self.robot[other])
         one, other = one[comparable], other[comparable]
         agree = self.claims.pair_distances(one, other) <= limit
-        return np.asarray(np.bincount(one[agree], minlength=count) >= SUPPORTERS)
+        one, other, found = one[agree], other[agree], np.ones(count, bool)
+        while True:
+            still = np.bincount(one[found[other]], minlength=count) >= SUPPORTERS
+            if (still == found).all():
+                return found
+            found = still
 
 
 def _wander(robots: Robots) -> FloatArray:

@@ -39,6 +39,20 @@ class PcmResult:
     basis: tuple[TeamArrays, MergedGroups] | None = None
 
     @property
+    def odometry_factors(self) -> dict[str, float]:
+        """How many times larger than stated the errors of odometry are taken, by robot, where other than once."""
+        if self.basis is None:
+            return {}
+        team, merged = self.basis
+        factors = zip(team.names, merged.odometry_factors.tolist(), strict=False)
+        return {robot: factor for robot, factor in factors if factor != 1}
+
+    def restated(self, trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
+        """Odometry with standard deviations as they are taken here, the common `scale` aside."""
+        factors = self.odometry_factors
+        return {robot: t.loosened(factors[robot]) if robot in factors else t for robot, t in trajectories.items()}
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """A sentence for each pair of robots of which two sets of closures contradict each other, one accepted."""
         return tuple(pair.doubt for pair in self.pairs if pair.doubt)
@@ -51,7 +65,12 @@ class PcmResult:
     @property
     def remarks(self) -> tuple[str, ...]:
         """One sentence for each pair of robots."""
-        sentences = tuple(pair.sentence for pair in self.pairs)
+        sentences = tuple(
+            f"the odometry of {robot} errs more than it states: its standard deviations are taken {factor:.2g} times"
+            " as large, so its own loops agree"
+            for robot, factor in self.odometry_factors.items()
+        )
+        sentences += tuple(pair.sentence for pair in self.pairs)
         if self.scale == 1:
             return sentences
         return (

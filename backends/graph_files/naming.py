@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wiclosure.backends.graph_files.records import FileRecords
+from wiclosure.backends.graph_files.records import Edge, FileRecords
 from wiclosure.types import FloatArray
 
 SYMBOL_SHIFT = 56  # GTSAM's symbols: a character in the first byte, the index in the others
@@ -102,17 +102,28 @@ def _keys(file: FileRecords) -> set[int]:
 def _owners(files: Sequence[FileRecords]) -> dict[int, FileRecords]:
     """The first file that has a vertex of each key; of files of edges alone, the one that says most of the pose.
 
-    An edge to the next number says more than any number of others: those join robots.
+    An edge says as much as others in its file make its leap from number to number, times those of the most frequent
+    leap that state its matrix: odometry has one leap where robots count for themselves or in turn.
     """
     if any(file.vertices for file in files):
         return {vertex.key: file for file in reversed(files) for vertex in file.vertices}
     said: dict[int, Counter[int]] = {}
     for n, file in enumerate(files):
+        leaps = Counter(map(_leap, file.edges))
+        usual = max(leaps.values(), default=0)
+        matrices = Counter(_stated(edge) for edge in file.edges if leaps[_leap(edge)] == usual)
         for edge in file.edges:
-            weight = len(file.edges) if abs(edge.first - edge.second) == 1 else 1
             for key in (edge.first, edge.second):
-                said.setdefault(key, Counter())[n] += weight
+                said.setdefault(key, Counter())[n] += leaps[_leap(edge)] * (1 + matrices[_stated(edge)])
     return {key: files[of_key.most_common(1)[0][0]] for key, of_key in said.items()}
+
+
+def _leap(edge: Edge) -> int:
+    return abs(edge.first - edge.second)
+
+
+def _stated(edge: Edge) -> bytes:
+    return b"" if edge.information is None else edge.information.tobytes()
 
 
 def _plain_overlap(files: Sequence[FileRecords]) -> bool:

@@ -55,13 +55,19 @@ class Edges:
         return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
 
 
+def in_plane(T: FloatArray) -> BoolArray:
+    """Which transforms `(..., 4, 4)` stay in the plane."""
+    return np.asarray((np.abs(T[..., 2, :2]) < IN_PLANE).all(axis=-1) & (np.abs(T[..., 2, 3]) < IN_PLANE))
+
+
 def degrees_of_freedom(*transforms: FloatArray) -> int:
     """3 where all transforms `(..., 4, 4)` stay in the plane, else 6: residuals of planar graphs have no others."""
-    planar = (
-        np.abs(T[..., 2, :2]).max(initial=0.0) < IN_PLANE and np.abs(T[..., 2, 3]).max(initial=0.0) < IN_PLANE
-        for T in transforms
-    )
-    return 3 if all(planar) else DEGREES
+    return 3 if all(in_plane(T).all() for T in transforms) else DEGREES
+
+
+def degrees_of_true_ones(odometry: FloatArray, loops: FloatArray) -> int:
+    """3 where odometry `(N, 4, 4)` and most loops `(M, 4, 4)` stay in the plane: those that leave it are false."""
+    return degrees_of_freedom(odometry) if 2 * in_plane(loops).sum() >= len(loops) else DEGREES
 
 
 def mahalanobis_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:

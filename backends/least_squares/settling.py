@@ -15,7 +15,7 @@ from scipy.stats import f
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.chordal import cheaper_start
-from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_true_ones, mahalanobis_squared
 from wiclosure.backends.least_squares.system import STEPS, Descent, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
@@ -165,7 +165,7 @@ def settle(
     system = System.of(odometry + loops.subset(rows), poses, held)
     noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
-    degrees, converged = degrees_of_freedom(odometry.T, loops.T), False
+    degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
     for step in range(rounds):
         used, last = np.concatenate([np.ones(count, bool), kept]), step == rounds - 1
         part = system.subset(used)

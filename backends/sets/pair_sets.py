@@ -85,7 +85,7 @@ def _check_by_itself(
     """What there is to say for and against a set, were it the only one of its pair."""
     candidate.coverage = _coverage(robots, candidate, group, settled)
     view_m = settings.view_steps * robots.step_m
-    candidate.places = _places(robots, candidate, view_m)
+    candidate.places = count_places(robots, candidate.rows, view_m, SATURATED)
     candidate.objection = _objection(robots, candidate, settings.min_size, view_m)
 
 
@@ -126,12 +126,12 @@ def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled:
     return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))
 
 
-def _places(robots: Robots, candidate: CandidateSet, view_m: float) -> int:
-    """How many closures, up to `SATURATED`, lie no view apart from each other along either path."""
-    left = np.stack([robots.loops.first[candidate.rows], robots.loops.second[candidate.rows]], axis=1)
+def count_places(robots: Robots, rows: IntArray, view_m: float, most: int | None = None) -> int:
+    """How many closures, up to `most`, of those at `rows` lie no view apart from each other along either path."""
+    left = np.stack([robots.loops.first[rows], robots.loops.second[rows]], axis=1)
     left = left[np.lexsort((left[:, 1], left[:, 0]))]
     count = 0
-    while len(left) and count < SATURATED:
+    while len(left) and (most is None or count < most):
         near = (robots.robot[left] == robots.robot[left[0]]).all(axis=1)
         near &= (np.abs(robots.along_m[left] - robots.along_m[left[0]]) < max(view_m, 1e-9)).all(axis=1)
         left, count = left[~near], count + 1

@@ -82,6 +82,7 @@ def evaluate(
         **trajectories,
         **costs,
         "earth": None,
+        "doubts": [],
         "diagnosis": [*diagnosis, *trajectories["diagnosis"]],
     }
 

@@ -175,7 +175,8 @@ class Metrics(TrajectoryMetrics, CostMetrics):
     """All of `metrics.json`.
 
     `ate_odometry_m` has each robot's plain odometry aligned on its own, and under `team` the error over all robots:
-    what drift leaves to anyone who places the robots perfectly but mends nothing within them.
+    what drift leaves to anyone who places the robots perfectly but mends nothing within them.  `doubts`: why the map
+    may be wrong, one sentence for each two robots of which sets of closures contradict each other; mostly empty.
     """
 
     filter: str
@@ -189,3 +190,4 @@ class Metrics(TrajectoryMetrics, CostMetrics):
     starts: dict[str, StartMetrics]
     ate_odometry_m: dict[str, float | None]
     earth: EarthMetrics | None
+    doubts: list[str]

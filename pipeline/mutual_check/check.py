@@ -14,17 +14,18 @@ import numpy as np
 from scipy import stats
 
 from wiclosure import se3
-from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.frontends.config import RegistrationSettings
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.map_check import Contradiction
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, agrees_with_radio, in_words, weigh
-from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
+from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, agrees_with_radio
+from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, PairOutcome, agreeing, ends
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.refused import judged_by, weigh_refused
+from wiclosure.pipeline.mutual_check.rival_sets import FEWEST
+from wiclosure.pipeline.mutual_check.set_evidence import NEAR_M, SetEvidence, places
 from wiclosure.types import (
     CandidatePairs,
     Closure,
-    KeyframeId,
     PredictionKind,
     Stage,
     Trajectory,
@@ -33,68 +34,8 @@ from wiclosure.types import (
     survivors,
 )
 
-_FEWEST = 3  # closures that agree with the radio, from which on nothing is in doubt
-_PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
-_NEAR_M = 5.0  # keyframes that are so near register, if they are truly there
-
-Pair = tuple[str, str]
 RegisterBlindly = Callable[[Pair, Sequence[Closure]], list[Closure]]
 """Registers look-alike pairs of two robots, and the closures given, without any prediction."""
-
-
-@dataclass(frozen=True, eq=False)
-class PairOutcome:
-    """What filter, matching, registration and radio check made of two robots.
-
-    Args:
-        pair: the robots.
-        inliers: pairs that the filter kept, with its predictions.
-        registered: closures as registration left them.
-        checked: the same as the radio check left them.
-    """
-
-    pair: Pair
-    kept: CandidatePairs
-    registered: tuple[Closure, ...]
-    checked: tuple[Closure, ...]
-
-    @property
-    def live(self) -> list[Closure]:
-        """Closures that agree with all that is known of the frames so far."""
-        return [closure for closure in self.checked if closure.live]
-
-
-@dataclass(frozen=True, eq=False)
-class PairCheck:
-    """What came of two robots that radio and closures tell differently of.
-
-    Args:
-        pair: the robots.
-        weighed: the verdict; None where no set of closures contradicts the radio.
-        blind: closures that were registered without prediction.
-        lost: closures of the first round that are rejected.
-        found: the set of closures, and how it contradicts the radio, as a clause.
-    """
-
-    pair: Pair
-    weighed: Weighed | None = None
-    blind: tuple[Closure, ...] = ()
-    lost: frozenset[tuple[KeyframeId, KeyframeId]] = frozenset()
-    found: str = ""
-
-    @property
-    def sentence(self) -> str:
-        """For the user; empty where there is nothing to say."""
-        return self.said()
-
-    def said(self, by_map: Contradiction | None = None) -> str:
-        """The same, with the cause that a merged map tells, where there is one: it knows more than one set did."""
-        return "" if self.weighed is None else _sentence(self.pair, self.weighed, self.found, by_map)
-
-    @property
-    def drops_radio(self) -> bool:
-        """Whether these robots go on without radio."""
-        return self.weighed is not None and self.weighed.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
 
 
 def check_pair(
@@ -118,25 +59,23 @@ def check_pair(
     nothing = PairCheck(outcome.pair)
     if radio.measurements == 0:
         return nothing
-    found = _found(outcome, both, config, register_blindly)
+    refused = weigh_refused(outcome, radio, config)
+    found = _Found() if refused else _found(outcome, both, config, register_blindly)
     if len(found.agreeing) < 2:
-        return nothing
+        return refused or nothing
     if found.gap is not None and not found.gap.contradicts:
         return PairCheck(outcome.pair, None, tuple(c for c in found.blind if c.live))
-    middle = [central(found.agreeing, both)]
-    claimed = radio.claimed(middle)
-    if found.as_predicted and not claimed.contradicts:
+    evidence = SetEvidence.of(found.agreeing, found.others, radio)
+    if found.as_predicted and not evidence.claimed.contradicts:
         return nothing
-    agrees = found.gap is None and agrees_with_radio(claimed)
-    errors = radio.errors(middle, search=not agrees)
-    closures = Agreement(len(found.agreeing), found.others, places(found.agreeing))
+    agrees = found.gap is None and agrees_with_radio(evidence.claimed)
     predicted, refuted = _for_and_against(outcome, config.registration)
-    weighed = weigh(claimed, errors, closures, predicted, refuted, config.mutual_check)
+    weighed = evidence.weighed(evidence.errors(search=not agrees), config.mutual_check, predicted, refuted)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
     inliers = outcome.live if weighed.verdict is Verdict.RADIO else ()
-    lost = _ends(found.agreeing) | (_ends(outcome.live) - _ends(inliers))
-    return PairCheck(outcome.pair, weighed, found.blind, lost, _clause(closures, found.gap))
+    lost = ends(found.agreeing) | (ends(outcome.live) - ends(inliers))
+    return PairCheck(outcome.pair, weighed, found.blind, lost, _clause(evidence.closures, found.gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,32 +106,18 @@ def _found(
     as_predicted = False
     if outcome.kept.predicts is not None:
         contradicting = _contradicting(outcome.registered, config.registration)
-        as_predicted = len(outcome.live) >= max(_FEWEST, len(contradicting))
+        as_predicted = len(outcome.live) >= max(FEWEST, len(contradicting))
         if as_predicted and outcome.kept.predicts is PredictionKind.POSE:
             return _Found()
         blind = () if as_predicted else tuple(register_blindly(outcome.pair, contradicting))
         pools = [outcome.live if as_predicted else blind]
-    # What a published threshold calls consistent would make evidence of what agrees by chance.
-    judged_by = PcmSettings(noise=config.pcm.noise) if config.pcm.published else config.pcm
     for pool in pools:
-        agreeing = survivors(pairwise_consistent(pool, both, judged_by).closures, Stage.CONSISTENCY)
-        if len(agreeing) > 1:
-            others = len(survivors(pool, Stage.REGISTRATION)) - len(agreeing)
-            gap = None if as_predicted else _gap(outcome.kept, agreeing, config.registration)
-            return _Found(agreeing, others, blind, gap, as_predicted)
+        alike = survivors(pairwise_consistent(pool, both, judged_by(config)).closures, Stage.CONSISTENCY)
+        if len(alike) > 1:
+            others = len(survivors(pool, Stage.REGISTRATION)) - len(alike)
+            gap = None if as_predicted else _gap(outcome.kept, alike, config.registration)
+            return _Found(alike, others, blind, gap, as_predicted)
     return _Found(blind=blind)
-
-
-def _ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId]]:
-    return frozenset((c.query, c.match) for c in closures)
-
-
-def places(closures: Sequence[Closure]) -> float:
-    """How many separate places closures come from, by how far they reach along the path on which that is less."""
-    if not closures:
-        return 0.0
-    ends = np.array([(c.query.index, c.match.index) for c in closures])
-    return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
 
 
 def _contradicting(registered: Sequence[Closure], settings: RegistrationSettings) -> list[Closure]:
@@ -220,7 +145,7 @@ def _for_and_against(outcome: PairOutcome, settings: RegistrationSettings) -> tu
         for c in outcome.registered
         if c.prediction is not None
         and c.prediction.kind is PredictionKind.POSE
-        and float(np.linalg.norm(c.prediction.T_query_match[:3, 3])) < _NEAR_M
+        and float(np.linalg.norm(c.prediction.T_query_match[:3, 3])) < NEAR_M
     ]
     return predicted, 0.0 if live else places(near)
 
@@ -259,27 +184,4 @@ def _gap(kept: CandidatePairs, closures: Sequence[Closure], settings: Registrati
 
 
 def _clause(closures: Agreement, gap: _Gap | None) -> str:
-    return f"{closures.agreeing} closures that agree with each other" + ("" if gap is None else f" ({gap})")
-
-
-def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | None) -> str:
-    odds = in_words(weighed.log_odds)
-    fault = f"most likely: {weighed.cause}"
-    if by_map is not None and by_map.causes:
-        odds, fault = by_map.odds, f"by where the merged map has the robots: {by_map.likely}"
-    said = {
-        Verdict.CLOSURES: f"the radio is the likely fault ({odds}), {fault}; it contradicts {found}; its measurements"
-        " between these robots are left out",
-        Verdict.COMPATIBLE: f"the radio's alignment is the likely fault ({odds}): it contradicts {found}, and its"
-        " measurements allow those as well; it was less certain than it seemed, and is left out between these robots",
-        Verdict.RADIO: f"places that look alike are the likely fault ({odds}): {found} contradict the radio, which"
-        " nothing else speaks against; the closures are left out",
-        Verdict.NEITHER: f"the radio is the likely fault ({odds}), {fault}; with that put right it still contradicts"
-        f" {found}, from places that look alike, it seems; no closure between these robots is accepted",
-        Verdict.UNDECIDED: f"undecided ({odds}): {found} contradict the"
-        f" radio; the radio may be at fault, {fault}, or the places look alike; no closure between them is accepted",
-    }
-    verdict = weighed.verdict
-    if verdict is Verdict.COMPATIBLE and by_map is not None and by_map.causes:
-        verdict = Verdict.CLOSURES
-    return f"{pair[0]} and {pair[1]}: {said[verdict]}"
+    return agreeing(closures.agreeing) + ("" if gap is None else f" ({gap})")

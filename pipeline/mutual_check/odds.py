@@ -23,9 +23,9 @@ from scipy.special import logsumexp
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.radio_evidence import Explained
 
-_MOST_PLACES = 3  # that count as separate: regular surroundings repeat themselves
-_FAILS_IF_RIGHT = 0.3  # registrations near the predicted pose of keyframes that are truly so near
-_TELLING = float(np.log(100.0))  # evidence beyond that of a log that says nothing
+MOST_PLACES = 3  # that count as separate: regular surroundings repeat themselves
+FAILS_IF_RIGHT = 0.3  # registrations near the predicted pose of keyframes that are truly so near
+TELLING = float(np.log(100.0))  # evidence beyond that of a log that says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Agreement:
         registered closures says that contradict the rest (with half a closure to either side, Jeffreys' prior).
         """
         share = (self.others + 0.5) / (self.agreeing + self.others + 1.0)
-        return min(self.places, _MOST_PLACES) * float(np.log(share)) if self.agreeing else 0.0
+        return min(self.places, MOST_PLACES) * float(np.log(share)) if self.agreeing else 0.0
 
 
 def in_words(log_odds: float) -> str:
@@ -81,7 +81,7 @@ class Weighed:
 
 def agrees_with_radio(claimed: Explained) -> bool:
     """Whether the log, as it claims to be, speaks for the alignment of closures, and for no other."""
-    return claimed.implied > _TELLING and not claimed.contradicts
+    return claimed.implied > TELLING and not claimed.contradicts
 
 
 def weigh(
@@ -110,7 +110,7 @@ def weigh(
         as_claimed
         + claimed.log_evidence
         + closures.log_look_alike
-        + min(refuted_places, _MOST_PLACES) * np.log(_FAILS_IF_RIGHT)
+        + min(refuted_places, MOST_PLACES) * np.log(FAILS_IF_RIGHT)
     )
     right = {
         cause: value + other_look_alike for cause, value in if_closures_are_right(claimed, errors, settings).items()

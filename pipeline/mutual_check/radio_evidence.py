@@ -32,7 +32,7 @@ class Explained:
 
     Args:
         fault: what is wrong with the log, by the likeliest size of the error; empty for the log as it claims to be.
-        implied: under the alignment that closures imply, all sizes being equally likely beforehand.
+        implied: under the alignment that closures imply, over all sizes as they were likely beforehand.
         free: under the likeliest alignment of all; minus infinity where none was searched for.
         chosen: logarithm of how many alignments as exact there were to choose that one from.
     """
@@ -106,9 +106,14 @@ class PairRadio:
         inputs = [correction.apply((self.trajectories, self.log)) for correction in reading.corrections]
         searched = search and reading.changes_alignment
         implied, free, chosen = np.array([self._evidence(given, closures, search=searched) for given in inputs]).T
-        best = int(np.argmax(np.maximum(implied, free)))
-        fault, sizes = reading.corrections[best].fault, reading.log_sizes
-        return Explained(fault, float(logsumexp(implied)) - sizes, float(free[best]), float(chosen[best]) + sizes)
+        shares = reading.log_shares
+        best = int(np.argmax(np.maximum(implied, free) + shares))
+        return Explained(
+            reading.corrections[best].fault,
+            float(logsumexp(implied + shares)),
+            float(free[best]),
+            float(chosen[best] - shares[best]),
+        )
 
     def _evidence(
         self, inputs: RadioInputs, closures: Sequence[Closure], *, search: bool

@@ -1,8 +1,10 @@
 """Ways to read the log of two robots: with one systematic error undone, of a size that is known or is tried.
 
 The errors are those of `wiclosure.wiclosure_filter.faults`.  There, a correction must speak for itself; here closures
-tell where the robots are, so that errors of any size and parts of a log can be tried as well.  Sizes lie on a grid,
-all of it equally likely; near the usual size all are tried, further out those that most residuals share.
+tell where the robots are, so that errors of any size and parts of a log can be tried as well.  Sizes lie on a grid;
+near the usual size all are tried, further out those that most residuals share.  Angles are equally likely all round.
+Of lengths, factors and times nothing says whether they are large or small, so that each order of magnitude is equally
+likely: the density falls as one over the size (Jaynes, "Probability Theory", ch. 12.4, on scale parameters).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from wiclosure.wiclosure_filter.faults.corrections import (
     ranges_off,
     sigmas_too_small,
 )
-from wiclosure.wiclosure_filter.faults.diagnosis import mode
+from wiclosure.wiclosure_filter.likelihood.residuals import mode
 from wiclosure.wiclosure_filter.links.links import Links
 
 _CLOCKS_S = tuple(s for s in np.arange(-4.0, 4.25, 0.25).tolist() if s)
@@ -44,20 +46,20 @@ class Reading:
         changes_alignment: whether the log, with it undone, may tell quite another alignment: that is searched for.
         sigmas: how large each size is beside the error that is usual; empty where no size is.
         widens: whether it widens standard deviations, for which no measurement must count for more.
-        sizes: how many sizes were as likely beforehand, those included that are not tried because nothing suggests
-            them; 0: as many as are tried.
+        log_priors: logarithm of how likely each size was beforehand, among all of the grid, those included that are not
+            tried because nothing suggests them; empty: all that are tried equally.
     """
 
     corrections: tuple[Correction, ...]
     changes_alignment: bool = False
     sigmas: tuple[float, ...] = ()
     widens: bool = False
-    sizes: int = 0
+    log_priors: tuple[float, ...] = ()
 
     @property
-    def log_sizes(self) -> float:
-        """What choosing one of the sizes costs: logarithm of their number."""
-        return float(np.log(self.sizes or len(self.corrections)))
+    def log_shares(self) -> FloatArray:
+        """How likely each size was beforehand, as a natural logarithm."""
+        return np.array(self.log_priors or [-np.log(len(self.corrections))] * len(self.corrections))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ def readings(
         found += [Reading((_ranges_times(factor),), True) for factor in (0.5, 2.0)]
         found.append(_ranges_scaled(apart, float(np.hypot(usual.range_scale, usual.scale))))
     if directed:
-        found.append(_sized(azimuths_off, _TURNS_RAD, usual.mounting_rad))
+        found.append(_turned(usual.mounting_rad))
     if ranged and directed:
         found += [Reading((_DIRECTIONS_WRONG,), True), Reading((_RANGES_WRONG,), True)]
     return found
@@ -116,16 +118,24 @@ def readings_of_log(
 
 
 def _sized(
-    correction: Callable[[float], Correction], sizes: Sequence[float], usual: float, of_sizes: int = 0
+    correction: Callable[[float], Correction], sizes: Sequence[float], usual: float, of_grid: Sequence[float] = ()
 ) -> Reading:
-    return Reading(tuple(map(correction, sizes)), sigmas=tuple(size / usual for size in sizes), sizes=of_sizes)
+    """Of sizes whose density falls as one over the size, over those of the whole grid."""
+    spread = np.log(np.sum(1.0 / np.abs(of_grid or sizes)))
+    log_priors = tuple((-np.log(np.abs(sizes)) - spread).tolist())
+    return Reading(tuple(map(correction, sizes)), sigmas=tuple(s / usual for s in sizes), log_priors=log_priors)
+
+
+def _turned(usual_rad: float) -> Reading:
+    """Of an antenna array, by any angle."""
+    return Reading(tuple(map(azimuths_off, _TURNS_RAD)), sigmas=tuple(turn / usual_rad for turn in _TURNS_RAD))
 
 
 def _ranges_off(apart: Apart, usual_m: float) -> Reading:
     """By any size up to that of the longest range."""
     most = max(float(np.max(apart.range_m, initial=0.0)), _NEAR_BIAS_M)
     sizes = _proposed(apart.range_m - apart.distance_m, _BIAS_STEP_M, _NEAR_BIAS_M)
-    return _sized(ranges_off, sizes, usual_m, 2 * int(most / _BIAS_STEP_M))
+    return _sized(ranges_off, sizes, usual_m, _grid(-most, most, _BIAS_STEP_M))
 
 
 def _ranges_scaled(apart: Apart, usual: float) -> Reading:
@@ -133,7 +143,12 @@ def _ranges_scaled(apart: Apart, usual: float) -> Reading:
     there = apart.range_m > 0
     factors = apart.distance_m[there] / apart.range_m[there]
     sizes = _proposed(np.clip(factors, _LEAST_SCALE, _MOST_SCALE) - 1.0, _SCALE_STEP, _NEAR_SCALE)
-    return _sized(_scaled_by, sizes, usual, int((_MOST_SCALE - _LEAST_SCALE) / _SCALE_STEP))
+    return _sized(_scaled_by, sizes, usual, _grid(_LEAST_SCALE - 1.0, _MOST_SCALE - 1.0, _SCALE_STEP))
+
+
+def _grid(least: float, most: float, step: float) -> tuple[float, ...]:
+    """Multiples of `step` but 0."""
+    return tuple((step * np.array([n for n in range(round(least / step), round(most / step) + 1) if n])).tolist())
 
 
 def _about(of_unit: Correction) -> tuple[Correction, ...]:

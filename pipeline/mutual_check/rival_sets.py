@@ -15,12 +15,13 @@ from scipy.special import logsumexp
 
 from wiclosure.backends.consistency.pcm import PcmResult
 from wiclosure.pipeline.config import Config, MutualCheckSettings
-from wiclosure.pipeline.mutual_check.check import places
-from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, Weighed, if_closures_are_right, in_words, weigh
-from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio, central
-from wiclosure.types import Closure, Stage, Trajectory, WirelessLog
+from wiclosure.pipeline.mutual_check.odds import TELLING, Verdict, in_words
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
+from wiclosure.types import Closure, IntArray, Stage, Trajectory, WirelessLog, survivors
 
-_FEWEST = 3  # closures of a set that may contradict another
+MAY_BE_WRONG = "the map may be wrong"
+FEWEST = 3  # closures of a set that may contradict another
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,30 +31,55 @@ class RivalSets:
     Args:
         pair: the robots.
         kept: rows of the closures of the set that the radio speaks for.
-        lost: rows of the closures that are in a set that the radio speaks against.
+        lost: rows of the closures of the sets that it speaks against; none where it does not decide.
         log_odds: natural logarithm of the odds for the set that is kept.
+        cause: what is wrong with the log if that set is true; empty for nothing.
+        contradicted: true where the log, as it claims to be, speaks against every set.
+        contested: what would have to be wrong with the log for another set to fit it better than this one does; then
+            only how seldom that is speaks for this one. Empty where it fits this one best.
     """
 
     pair: tuple[str, str]
     kept: frozenset[int]
     lost: frozenset[int]
     log_odds: float
+    cause: str = ""
+    contradicted: bool = False
+    contested: str = ""
+
+    @property
+    def decides(self) -> bool:
+        """Whether the odds are decisive."""
+        return bool(self.lost)
 
     @property
     def sentence(self) -> str:
         """For the user."""
+        name = f"{self.pair[0]} and {self.pair[1]}"
+        if self.decides:
+            return (
+                f"{name}: {len(self.kept)} closures that agree with each other contradict {len(self.lost)} others that"
+                " agree as well, as where places look alike; what the robots measured of each other speaks for the"
+                f" {len(self.kept)} ({in_words(self.log_odds)}, whatever known error the log has); the others are left"
+                f" out{self._yet}"
+            )
+        story = f"if this holds: {self.cause}" if self.cause else "if nothing is wrong with the log"
         return (
-            f"{self.pair[0]} and {self.pair[1]}: {len(self.kept)} closures that agree with each other contradict"
-            f" {len(self.lost)} others that agree as well, as where places look alike; what the robots measured of each"
-            f" other speaks for the {len(self.kept)} ({in_words(self.log_odds)}, whatever known error the log has);"
-            " the others are left out"
+            f"{name}: which of the sets of closures that contradict each other is true, what the robots measured of"
+            f" each other does not decide: most likely the {len(self.kept)} ({in_words(self.log_odds)}), {story}"
         )
+
+    @property
+    def _yet(self) -> str:
+        if not self.contested:
+            return ""
+        return f"; yet {MAY_BE_WRONG}, since the log would fit others better if this held: {self.contested}"
 
 
 def weigh_rivals(
     checked: PcmResult, trajectories: Mapping[str, Trajectory], wireless: WirelessLog, config: Config
 ) -> list[RivalSets]:
-    """Of each two robots whose closures the consistency check leaves in doubt, the sets that the radio speaks against.
+    """Of each two robots whose closures the consistency check leaves in doubt, the set that the radio speaks for.
 
     Args:
         checked: closures, and the sets that were found among them.
@@ -62,23 +88,50 @@ def weigh_rivals(
         config: of the run.
     """
     found: list[RivalSets] = []
-    for rows_of_sets in checked.sets_in_doubt(_FEWEST):
-        sets = [[checked.closures[row] for row in rows.tolist()] for rows in rows_of_sets]
-        pair = (sets[0][0].query.robot, sets[0][0].match.robot)
+    for rows_of_sets in checked.sets_in_doubt(FEWEST):
+        first = checked.closures[int(rows_of_sets[0][0])]
+        pair = (first.query.robot, first.match.robot)
         both = {robot: trajectories[robot] for robot in pair}
         radio = PairRadio.of(pair, both, wireless, config.filter.alignment)
-        if radio.measurements == 0:
-            continue
-        others = _considered(checked, pair)
-        weighed = [_weighed(of, others - len(of), radio, config.mutual_check) for of in sets]
-        scores = np.array([score for score, _ in weighed])
-        best = int(scores.argmax())
-        lost = np.flatnonzero(scores < scores[best] - np.log(config.mutual_check.decisive_odds))
-        if len(lost) == len(sets) - 1 and weighed[best][1].verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}:
-            kept = frozenset(rows_of_sets[best].tolist())
-            gone = frozenset(row for n in lost.tolist() for row in rows_of_sets[n].tolist())
-            found.append(RivalSets(pair, kept, gone - kept, float(scores[best] - logsumexp(scores[lost]))))
+        if radio.measurements:
+            own = [row for row, c in enumerate(checked.closures) if (c.query.robot, c.match.robot) == pair]
+            found.append(told_apart(rows_of_sets, checked.closures, own, radio, config.mutual_check))
     return found
+
+
+def told_apart(
+    rows_of_sets: Sequence[IntArray],
+    closures: Sequence[Closure],
+    own: Sequence[int],
+    radio: PairRadio,
+    settings: MutualCheckSettings,
+) -> RivalSets:
+    """Which of some sets of closures of two robots the radio speaks for.
+
+    Args:
+        rows_of_sets: rows of the closures of each set, two at least.
+        closures: that the rows mean.
+        own: rows of all closures of the two robots that registration tried.
+        radio: what they measured of each other.
+        settings: probabilities of errors, and when odds are decisive.
+    """
+    tried = [c for c in (closures[row] for row in own) if c.rejected_at is not Stage.MATCHING]
+    considered = len(survivors(tried, Stage.REGISTRATION))
+    weighed = [
+        _weighed([closures[row] for row in rows.tolist()], considered - len(rows), tried, radio, settings)
+        for rows in rows_of_sets
+    ]
+    scores = np.array([score.log_likelihood for score in weighed])
+    best = int(scores.argmax())
+    others = np.delete(np.arange(len(scores)), best)
+    kept = frozenset(rows_of_sets[best].tolist())
+    decides = (scores[others] < scores[best] - np.log(settings.decisive_odds)).all() and weighed[best].convinces
+    gone = frozenset(row for n in others.tolist() for row in rows_of_sets[n].tolist()) if decides else frozenset()
+    log_odds = float(scores[best] - logsumexp(scores[others]))
+    contradicted = all(score.contradicted for score in weighed)
+    fitting = max(weighed, key=lambda score: score.fits)
+    contested = fitting.cause_of_fit if fitting is not weighed[best] and decides else ""
+    return RivalSets(radio.pair, kept, gone - kept, log_odds, weighed[best].cause, contradicted, contested)
 
 
 def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tuple[Closure, ...]:
@@ -90,18 +143,42 @@ def without_lost(closures: Sequence[Closure], rivals: Sequence[RivalSets]) -> tu
     )
 
 
-def _considered(checked: PcmResult, pair: tuple[str, str]) -> int:
-    return next(one.considered for one in checked.pairs if {one.robot_a, one.robot_b} == set(pair))
+@dataclass(frozen=True, slots=True)
+class _Score:
+    """Of one set.
+
+    Args:
+        log_likelihood: beside the others.
+        cause: what is likeliest wrong with the log.
+        convinces: whether the log speaks for it.
+        contradicted: whether the log, as it claims to be, speaks against it.
+        fits: how well the log fits it at best, with a known error undone or without one; however seldom that is.
+        cause_of_fit: that error.
+    """
+
+    log_likelihood: float
+    cause: str
+    convinces: bool
+    contradicted: bool
+    fits: float
+    cause_of_fit: str
 
 
 def _weighed(
-    closures: Sequence[Closure], others: int, radio: PairRadio, settings: MutualCheckSettings
-) -> tuple[float, Weighed]:
-    """How likely a set is beside others, as a natural logarithm, and the verdict were it the only one."""
-    middle = [central(closures, radio.trajectories)]
-    claimed, errors = radio.claimed(middle), radio.errors(middle)
-    agreement = Agreement(len(closures), others, places(closures))
-    right = if_closures_are_right(claimed, errors, settings)
-    # The others are false in every one of these stories; what differs is that this one is not.
-    score = float(logsumexp(list(right.values()))) - agreement.log_look_alike
-    return score, weigh(claimed, errors, agreement, Agreement(0, 0, 0.0), 0.0, settings)
+    closures: Sequence[Closure],
+    others: int,
+    tried: Sequence[Closure],
+    radio: PairRadio,
+    settings: MutualCheckSettings,
+) -> _Score:
+    evidence = SetEvidence.of(closures, others, radio, tried)
+    errors = evidence.errors()
+    right = evidence.if_right(errors, settings)
+    alone = evidence.weighed(errors, settings)
+    # A log that says next to nothing where a set has the robots speaks for no set, however it speaks against others.
+    best = max([evidence.claimed, *errors], key=lambda one: one.implied)
+    convinces = best.implied > TELLING and alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+    cause = max(right, key=lambda cause: right[cause])
+    return _Score(
+        float(logsumexp(list(right.values()))), cause, convinces, evidence.claimed.contradicts, best.implied, best.fault
+    )

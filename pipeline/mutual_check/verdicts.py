@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from wiclosure.pipeline.mutual_check.check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
+from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
+from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
+from wiclosure.pipeline.mutual_check.rival_sets import MAY_BE_WRONG, RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
-from wiclosure.types import FilterResult, Trajectory, WirelessLog
+from wiclosure.types import Closure, FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between
 
 _CLEARED = (
@@ -41,6 +43,39 @@ def sentences(
         if pair not in checked and not _is_named(named.get(pair, ""), found)
     ]
     return tuple(said)
+
+
+def settled(
+    checks: Sequence[PairCheck], rivals: Sequence[RivalSets], fitting: Collection[Pair]
+) -> tuple[PairCheck, ...]:
+    """Checks that decided nothing, decided by what was found without the radio.
+
+    Args:
+        checks: pairs of robots of which radio and closures told differently.
+        rivals: sets of closures that contradict each other, and what the radio told of them.
+        fitting: robots whose log fits the merged map.
+    """
+    told = {one.pair: one for one in rivals if one.decides}
+
+    def as_settled(check: PairCheck) -> PairCheck:
+        if not check.doubts or check.weighed is None:
+            return check
+        if (rival := told.get(check.pair)) is not None:
+            verdict = Verdict.CLOSURES if rival.cause else Verdict.COMPATIBLE
+            found = agreeing(len(rival.kept))
+            return replace(check, weighed=Weighed(verdict, rival.log_odds, rival.cause), found=found)
+        if check.pair in fitting:
+            return replace(check, weighed=replace(check.weighed, verdict=Verdict.COMPATIBLE))
+        return check
+
+    return tuple(map(as_settled, checks))
+
+
+def in_doubt(said: Sequence[str], accepted: Sequence[Closure]) -> tuple[str, ...]:
+    """Those of the sentences that put the map in doubt, of robots that accepted closures join."""
+    joined = {(c.query.robot, c.match.robot) for c in accepted}
+    names = tuple(f"{a} and {b}: " for pair in joined for a, b in (pair, pair[::-1]))
+    return tuple(one for one in said if MAY_BE_WRONG in one and one.startswith(names))
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

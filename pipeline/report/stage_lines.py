@@ -53,7 +53,8 @@ class StageLines:
         graph = result.solution.graph
         joined = listed(graph.components[0])
         apart = f", not connected: {', '.join(graph.unconnected)}" if graph.unconnected else ""
-        self._say(f"estimate: {len(graph.accepted):,} closures accepted; one map of {joined}{apart}")
+        sure = ", which may be wrong" if result.solution.doubts else ""
+        self._say(f"estimate: {len(graph.accepted):,} closures accepted; one map of {joined}{sure}{apart}")
         self._say(f"map: {len(result.merged_map):,} points")
 
     def _say(self, line: str) -> None:

@@ -88,7 +88,7 @@ def kitti_scans(path: Path) -> tuple[list[Path], IntArray, IntArray]:
             f"{path} is not a KITTI folder; expected velodyne/ and times.txt, or velodyne_points/data"
         )  # fmt: skip
     folder, times_file = layout
-    files = sorted(folder.glob("*.bin"), key=lambda file: natural(file.name))
+    files = sorted(folder.glob("[!.]*.bin"), key=lambda file: natural(file.name))  # hidden ones are of other systems
     if not files:
         raise InputError(f"{folder} holds no .bin scans; copy them there or choose another folder")
     lines = read_lines(times_file)

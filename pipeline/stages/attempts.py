@@ -12,7 +12,8 @@ from wiclosure.frontends.place_recognition.intra_robot_loops import intra_robot_
 from wiclosure.frontends.place_recognition.matching import MatchResult, match
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair
+from wiclosure.pipeline.mutual_check.check import check_pair
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome
 from wiclosure.pipeline.mutual_check.radio_check import radio_checked
 from wiclosure.pipeline.mutual_check.second_round import unpredicted
 from wiclosure.pipeline.runtime.progress import Progress

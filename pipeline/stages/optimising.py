@@ -59,7 +59,7 @@ def merge_graphs(paths: Sequence[Path], config: Config) -> MergedGraphs:
     pcm = _defaults(config.pcm, noise=STATED_IN_FULL, max_scale=MAX_SCALE)
     consistent = pairwise_consistent(team.closures, team.odometry, pcm)
     settings = _defaults(config.pose_graph, noise=STATED_IN_FULL).scaled(consistent.scale)
-    graph = optimise(team.odometry, consistent.closures, settings)
+    graph = optimise(consistent.restated(team.odometry), consistent.closures, settings)
     return MergedGraphs(team, consistent, _in_coordinates_of_files(graph, team), time.perf_counter() - began)
 
 

@@ -151,6 +151,7 @@ def run_stages(
         costs=_costs(prepared, solution, took["mapping"]),
         diagnosis=[*solution.diagnosis, *_about_inputs(prepared)],
     )
+    metrics["doubts"] = list(solution.doubts)
     if prepared.grounding.earth:
         metrics["earth"] = earth_metrics(prepared.grounding, solution.graph)
     for sentence in metrics["diagnosis"]:

@@ -40,6 +40,7 @@ class Solution:
         diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
         contradictions: those on robots of which radio and closures, or clocks, tell differently.
         doubts: those on robots of which two sets of closures contradict each other, one of them accepted.
+        without_radio: robots that measured each other and went on as if they had not.
     """
 
     filtered: FilterResult
@@ -52,6 +53,7 @@ class Solution:
     diagnosis: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    without_radio: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,7 @@ class RunResult:
         team_m, pairs = metrics["ate_m"]["team"], metrics["pairs_total"]
         rows = [
             ("robots in one map", listed(self.solution.graph.components[0])),
+            ("doubt", "the map may be wrong: see the remarks" if self.solution.doubts else ""),
             ("not connected", listed(self.solution.graph.unconnected)),
             ("candidate pairs", f"{metrics['pairs_kept']:,} of {pairs:,} kept" if pairs else ""),
             ("closures", f"{closures['accepted']} of {closures['proposed']} accepted"),

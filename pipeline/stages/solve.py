@@ -17,10 +17,10 @@ from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import PairCheck
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
@@ -56,9 +56,13 @@ def solve(
         found = _estimated(attempts, log, earth, took)
 
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
+    checks = settled(found.checks, found.rivals, found.by_map.fitting)
+    told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
+    of_rivals = tuple(one.sentence for one in found.rivals)
+    doubts = (*found.consistent.doubts, *in_doubt((*told, *of_rivals), found.graph.accepted))
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
-        *sentences(filtered, found.checks, found.by_map.contradicted, corrects=corrects),
+        *(said for said in told if said not in doubts),
     )
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
@@ -71,13 +75,14 @@ def solve(
         seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
-        doubts=found.consistent.doubts,
+        doubts=doubts,
+        without_radio=tuple(one.pair for one in checks if one.drops_radio),
         diagnosis=(
-            *found.consistent.doubts,
+            *doubts,
             *contradictions,
             *corrections,
             *filtered.diagnosis,
-            *(one.sentence for one in found.rivals),
+            *(said for said in of_rivals if said not in doubts),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
@@ -94,7 +99,7 @@ class _Estimate:
     Args:
         attempt: closures, as filter, matching, registration and radio check left them.
         checks: pairs of robots of which radio and closures told differently.
-        rivals: sets of closures that contradict each other, of which the radio told the true one.
+        rivals: sets of closures that contradict each other, and what the radio told of them.
         consistent: closures that agree.
         graph: the estimate.
         by_map: what the merged map tells of the measurements.
@@ -119,8 +124,8 @@ def _estimated(
         heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
         rivals = weigh_rivals(consistent, attempts.keyframes, wireless, config) if heard else []
     with took.time("optimisation"):
-        if rivals:
-            left, told = without_lost(attempt.closures, rivals), {row for one in rivals for row in one.kept}
+        if decided := [one for one in rivals if one.decides]:
+            left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
             consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
         graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)

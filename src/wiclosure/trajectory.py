@@ -151,6 +151,12 @@ class Trajectory:
         poses = T_new_odom @ self.poses
         return Trajectory(self.robot, self.stamps_ns, poses, self.drift, finer, self.step_covariances, self.parents)
 
+    def loosened(self, factor: float) -> Trajectory:
+        """The same trajectory with all standard deviations of its errors so many times as large."""
+        finer = None if self.finer is None else self.finer.loosened(factor)
+        stated = None if self.step_covariances is None else factor**2 * self.step_covariances
+        return replace(self, drift=self.drift.scaled(factor), finer=finer, step_covariances=stated)
+
     @property
     def junctions(self) -> IntArray:
         """Indices of the poses that several steps start from; with them a subset has the same odometry."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -87,3 +88,10 @@ def test_a_cell_of_any_length_spoils_its_row_only(tmp_path: Path) -> None:
     rows = [cells for _, cells in open_table(file).rows()]
     assert [cells[3] for cells in (rows[0], rows[2])] == ["2.5", "2.6"]
     assert float(rows[1][3]) > 1e90
+
+
+def test_a_spreadsheet_is_to_be_saved_as_text(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "uwb.xlsx", "w") as sheet:
+        sheet.writestr("xl/workbook.xml", "<workbook/>")
+    with pytest.raises(InputError, match=r"uwb\.xlsx is not a table of text .*; save it as CSV"):
+        open_table(tmp_path / "uwb.xlsx")

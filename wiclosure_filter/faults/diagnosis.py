@@ -25,6 +25,7 @@ from wiclosure.wiclosure_filter.faults.corrections import (
     slipped,
 )
 from wiclosure.wiclosure_filter.faults.cut import gain_of_cut
+from wiclosure.wiclosure_filter.likelihood.residuals import mode
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -161,9 +162,3 @@ def _constant_errors(T_a_b: FloatArray, inputs: RadioInputs, settings: Alignment
         bias = float(mode((links.range_m - np.linalg.norm(seen, axis=1))[ranged], _WIDTH_M))
         found += [ranges_off(sign * max(abs(bias), 3 * _LEAST_OFF_M)) for sign in (1.0, -1.0)]
     return found
-
-
-def mode(values: np.ndarray, width: float) -> np.ndarray:
-    """Mean of the values around the one that has most others near it."""
-    near = np.abs(values[:, None] - values[None, :]) < width
-    return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())

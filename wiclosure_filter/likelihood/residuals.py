@@ -119,3 +119,9 @@ def displacements_in_a(states: FloatArray, observations: Observations) -> tuple[
 
 def _mean(weight: FloatArray, values: FloatArray, total: FloatArray) -> FloatArray:
     return np.asarray((weight * values).sum(axis=-1) / np.maximum(total, 1e-12))
+
+
+def mode(values: np.ndarray, width: float) -> np.ndarray:
+    """Mean of the values around the one that has most others near it."""
+    near = np.abs(values[:, None] - values[None, :]) < width
+    return np.asarray(values[near[np.argmax(near.sum(axis=1))]].mean())

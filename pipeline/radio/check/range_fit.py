@@ -104,9 +104,13 @@ def _linear(
     weight = 1 / np.maximum(2 * ranges / typical, 0.1)
     solution = np.linalg.lstsq(np.hstack(columns) * weight[:, None], goal * weight, rcond=1e-9)[0]
     found = scale if scale is not None else float(np.sqrt(max(solution[4], 1e-12))) / typical
-    rms = _trimmed_rms(np.linalg.norm(d - solution[:3], axis=1) - found * ranges)
-    relative = rms / (found * typical if scale is None else 1.0)
-    return relative, np.concatenate([[yaw], solution[:3], [np.log(found)]])
+    x, y, z, square = solution[:4]
+    height = np.sqrt(max(square - x**2 - y**2, 0.0))  # on level ground only the square tells it
+    translations = np.array([[x, y, z], [x, y, height], [x, y, -height]])
+    rms = [_trimmed_rms(np.linalg.norm(d - t, axis=1) - found * ranges) for t in translations]
+    best = int(np.argmin(rms))
+    relative = rms[best] / (found * typical if scale is None else 1.0)
+    return relative, np.concatenate([[yaw], translations[best], [np.log(found)]])
 
 
 def _refined(a: FloatArray, b: FloatArray, ranges: FloatArray, start: FloatArray, scale: float | None) -> RangeFit:

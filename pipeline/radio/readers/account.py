@@ -63,7 +63,7 @@ class Account:
 
     def report(self) -> None:
         """Says it in the log: a warning for what may be a mistake, information for the rest."""
-        level = logging.WARNING if self.left_out.keys() & _ALARMING else logging.INFO
+        level = logging.WARNING if self.left_out.keys() & _ALARMING or not self.used else logging.INFO
         for sentence in self.notes:
             logger.info("%s: %s", self.where, sentence)
         for sentence in self.doubts:

@@ -109,7 +109,7 @@ class PointCloud2Decoder:
             values = records["time"]
             if are_of_flight(name, values, records["x"], records["y"], records["z"]):
                 candidates.remove(name)
-            elif len(values) and values.min() < values.max():
+            elif len(known := values[np.isfinite(values)]) and known.min() < known.max():
                 differing.append(name)
         if candidates and not differing:
             logger.warning(

@@ -54,7 +54,7 @@ def read_oxts_gnss(folder: Path) -> GnssLog:
 
 
 def _rows(folder: Path) -> tuple[IntArray, FloatArray]:
-    files = sorted((folder / "data").glob("*.txt"), key=lambda file: natural(file.name))
+    files = sorted((folder / "data").glob("[!.]*.txt"), key=lambda file: natural(file.name))
     stamps_ns = read_times(folder / "timestamps.txt")
     if len(files) != len(stamps_ns):
         raise InputError(f"{folder} has {len(files)} files and {len(stamps_ns)} times; complete it")

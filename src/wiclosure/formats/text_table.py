@@ -21,6 +21,7 @@ logger = logging.getLogger(__name__)
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _SAMPLE_LINES = 50
+_ZIP = b"PK\x03\x04"  # what .xlsx and .ods begin with
 _SAMPLE_BYTES = 65_536
 _MOST_LINES = 2000  # among which so many lines of the table are looked for
 _DELIMITERS = ("\t", ";", ",", "|")
@@ -275,7 +276,8 @@ def encoding_of(path: Path) -> str:
         if len(head) > 1 and other.count(0) > 0.9 * len(other) and head.count(0) < 0.6 * len(head):
             return encoding
     if b"\0" in head:
-        raise InputError(f"{path} is not a table of text (it holds zero bytes); expected rows of cells")
+        way_out = "save it as CSV" if head.startswith(_ZIP) else "expected rows of cells"
+        raise InputError(f"{path} is not a table of text (it holds zero bytes); {way_out}")
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:

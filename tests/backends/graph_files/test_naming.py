@@ -93,6 +93,20 @@ def test_files_of_edges_alone_share_their_numbers_where_they_do_not_contradict_e
     assert len(found.closures) == len(team.loops)
 
 
+@pytest.mark.parametrize("key", [lambda r, n: 3 * n + r, lambda r, n: 20 * r + n], ids=["in turn", "one by one"])
+def test_files_of_edges_alone_tell_robots_however_numbers_are_dealt_out(key, forms, tmp_path):
+    team = forms.random_team(7, 3, size=20, n_loops=40)
+    edges = [[line for line in lines if line.startswith("EDGE")] for lines in forms.lines(team, key)]
+    loops = {frozenset(key(*end) for end in (query, match)): (query[0], match[0]) for query, match, _ in team.loops}
+    for line in {line for lines in edges for line in lines}:  # a loop stands in the files of both robots
+        for robot in loops.get(frozenset(map(int, line.split()[1:3])), ()):
+            edges[robot] += [line] if line not in edges[robot] else []
+    found = read(tmp_path, a=edges[0], b=edges[1], c=edges[2])
+    assert {robot: keys.tolist() for robot, keys in found.keys.items()} == {
+        robot: [key(r, n) for n in range(20)] for r, robot in enumerate("abc")
+    }
+
+
 def test_files_of_edges_alone_have_their_own_numbers_where_they_contradict_each_other(chain, tmp_path):
     edges = [[line for line in chain(int, step_m=step) if line.startswith("EDGE")] for step in (1.0, 2.0)]
     found = read(tmp_path, north=edges[0], south=edges[1])

@@ -13,8 +13,9 @@ from wiclosure import se3
 from wiclosure.formats.radio.wireless_log import read_wireless_log
 from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.check import PairCheck, PairOutcome, check_pair, places
+from wiclosure.pipeline.mutual_check.check import check_pair
 from wiclosure.pipeline.mutual_check.odds import Verdict
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,
@@ -213,15 +214,6 @@ def test_a_set_that_chance_explains_is_no_evidence(team: Team) -> None:
     ]
     found = checks(team, longer(team.log, 3.28, 0.0), random)
     assert (found.weighed, found.sentence) == (None, "")
-
-
-def test_places_count_how_far_closures_reach_on_the_shorter_path() -> None:
-    def between(i: int, j: int) -> Closure:
-        return registered(KeyframeId("a", i), KeyframeId("b", j), np.eye(4), np.random.default_rng(0))
-
-    assert places([]) == 0
-    assert places([between(3, 3)]) == 1
-    assert places([between(3, 3), between(33, 8)]) == pytest.approx(1.5)
 
 
 def test_closures_of_a_street_win_over_ranges_that_a_longer_odometry_turns(data_dir: Path) -> None:

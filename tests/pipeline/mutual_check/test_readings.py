@@ -55,9 +55,19 @@ def test_ranges_wrong_by_any_length_or_factor_are_tried_where_closures_tell_the_
     tried = {apart: readings("a", "b", LOG, apart=apart) for apart in (off, scaled)}
     assert ranges_off(bias_m).fault in {c.fault for r in tried[off] for c in r.corrections}
     assert any("150 % too long for the odometry" in c.fault for r in tried[scaled] for c in r.corrections)
-    ranges = [r for r in tried[off] if r.sizes]
+    ranges = [r for r in tried[off] if "ranges are" in r.corrections[0].fault and r.sigmas]
     assert len(ranges) == 2
-    assert all(r.sizes > len(r.corrections) for r in ranges)  # those that were not tried were as likely beforehand
+    for reading in ranges:  # those that were not tried had a share beforehand
+        assert 0.4 < np.exp(reading.log_shares).sum() < 1.0
+
+
+def test_each_order_of_magnitude_is_equally_likely_but_of_angles_all_are() -> None:
+    clocks = reading_with("clock of b")
+    shares = np.exp(clocks.log_shares)
+    assert shares.sum() == pytest.approx(1.0)
+    ahead = np.array([s for s in np.arange(-4.0, 4.25, 0.25) if s])
+    assert shares * np.abs(ahead) == pytest.approx(shares[0] * 4.0)
+    assert np.ptp(reading_with("mounted turned").log_shares) == 0
 
 
 def test_what_a_log_does_not_have_cannot_be_wrong() -> None:

@@ -87,6 +87,7 @@ def test_of_two_sets_the_one_that_fits_the_log_is_kept_whatever_is_wrong_with_it
     assert {row for row, c in enumerate(left) if c.rejected_at is Stage.RADIO_CHECK} == set(rivals.lost)
     accepted = pairwise_consistent(left, team, supported=rivals.kept).closures
     assert {row for row, c in enumerate(accepted) if c.live} == right
+    assert rivals.decides
     assert f"speaks for the {len(right)}" in rivals.sentence
 
 
@@ -111,5 +112,10 @@ def test_what_no_measurement_tells_apart_stays_in_doubt(team: dict[str, Trajecto
     def anywhere(m: WirelessMeasurement) -> WirelessMeasurement:
         return replace(m, range_m=float(noise.uniform(0, 100)), paths=())
 
-    two = pairwise_consistent([*closures(team, "true", 11), *closures(team, "look alike", 10)], team)
-    assert weigh_rivals(two, team, replace(log, measurements=tuple(map(anywhere, log.measurements))), Config()) == []
+    found = [*closures(team, "true", 11), *closures(team, "look alike", 10)]
+    spoilt = replace(log, measurements=tuple(map(anywhere, log.measurements)))
+    (rivals,) = weigh_rivals(pairwise_consistent(found, team), team, spoilt, Config())
+    assert not rivals.decides
+    assert len(rivals.kept) in {10, 11}
+    assert "does not decide: most likely the " in rivals.sentence
+    assert without_lost(found, [rivals]) == tuple(found)

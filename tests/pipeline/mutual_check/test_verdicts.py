@@ -7,11 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wiclosure.pipeline.mutual_check.check import PairCheck
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, out_of_time, sentences
-from wiclosure.types import FilterResult, FrameAlignment, Heading, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.pipeline.mutual_check.pair_check import PairCheck
+from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
+from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
+from wiclosure.types import (
+    Closure,
+    FilterResult,
+    FrameAlignment,
+    Heading,
+    KeyframeId,
+    Stage,
+    Trajectory,
+    WirelessLog,
+    WirelessMeasurement,
+)
 from wiclosure.wiclosure_filter.faults.corrections import ranges_off, swapped
 
 S, PAIR = 10**9, ("a", "b")
@@ -101,3 +112,35 @@ def test_what_the_filter_suspects_is_taken_back_where_the_log_fits_the_map() -> 
     assert after.diagnosis[0].startswith("a and b: before robots were merged")
     assert after.diagnosis[0].endswith("nothing seems to be wrong with them; every pair is kept")
     assert after.diagnosis[1:] == (told[1], "of something else")
+
+
+def undecided() -> PairCheck:
+    return PairCheck(PAIR, Weighed(Verdict.UNDECIDED, 1.0, "ranges in feet"), found="9 closures that agree")
+
+
+def test_where_nothing_decides_the_robots_go_on_without_radio_and_the_map_is_in_doubt() -> None:
+    check = undecided()
+    assert check.drops_radio
+    (one,) = said("", [check], TOO_LONG)
+    assert "nothing decides (3 to 1)" in one
+    joined = accepted("b", "a")
+    assert in_doubt([one, f"a and b: {TOO_LONG}", one.replace("a and b", "a and c")], [joined]) == (one,)
+    assert in_doubt([one], [accepted("a", "c")]) == ()
+
+
+def accepted(query: str, match: str) -> Closure:
+    closure = Closure.from_measurement(KeyframeId(query, 0), KeyframeId(match, 0), np.eye(4), np.eye(6))
+    return closure.accepted(Stage.ESTIMATE)
+
+
+def test_what_was_undecided_is_settled_by_rival_sets_or_by_a_log_that_fits_the_map() -> None:
+    rivals = RivalSets(PAIR, frozenset(range(9)), frozenset({10, 11}), 8.0, "ranges seem to be in feet")
+    open_still = replace(rivals, lost=frozenset())
+    (by_rivals,) = settled([undecided()], [rivals], set())
+    assert by_rivals.weighed == Weighed(Verdict.CLOSURES, 8.0, "ranges seem to be in feet")
+    (by_map,) = settled([undecided()], [open_still], {PAIR})
+    assert by_map.weighed is not None
+    assert by_map.weighed.verdict is Verdict.COMPATIBLE
+    assert settled([undecided()], [open_still], {("a", "c")})[0].doubts
+    decided = check(Verdict.RADIO)
+    assert settled([decided], [rivals], {PAIR}) == (decided,)

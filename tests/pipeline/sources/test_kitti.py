@@ -33,6 +33,11 @@ def test_missing_scans_are_matched_by_number(kitti: Path, scans: list[Scan]) -> 
     assert [s.stamp_ns for s in source] == [s.stamp_ns for i, s in enumerate(scans) if i != 2]
 
 
+def test_files_that_other_systems_leave_beside_are_no_scans(kitti: Path, scans: list[Scan]) -> None:
+    (kitti / "velodyne" / "._000002.bin").write_bytes(b"\0\5\x16\7" + bytes(60))
+    assert [s.stamp_ns for s in open_source(kitti)] == [s.stamp_ns for s in scans]
+
+
 def test_fewer_times_than_scans(kitti: Path) -> None:
     (kitti / "times.txt").write_text("0\n0.1\n")
     with pytest.raises(InputError, match=r"times\.txt has 2 times for 6 scans"):

@@ -13,6 +13,7 @@ from wiclosure.wiclosure_filter.likelihood.residuals import (
     derivative_by_displacement,
     displacements_in_a,
     explained,
+    mode,
     residual_rows,
     seen_by_receiver,
 )
@@ -74,3 +75,7 @@ def test_the_direct_path_explains_the_bearing_at_the_truth(make_case: Callable[.
     direct = case.links.path[np.arange(20), explanation.direct()]
     assert np.mean(direct == 0) >= 0.9  # a false path may lie beside it
     assert explanation.ranged().all()
+
+
+def test_the_mode_is_the_mean_of_the_values_that_most_share() -> None:
+    assert mode(np.array([9.0, 3.0, 3.2, -40.0, 2.8, 8.9]), 0.5) == pytest.approx(3.0)

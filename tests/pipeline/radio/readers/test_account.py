@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from wiclosure.pipeline.radio.readers.account import ANCHOR, FAR, UNKNOWN, UNREADABLE, Account
+from wiclosure.pipeline.radio.readers.account import ANCHOR, EMPTY, FAR, UNKNOWN, UNREADABLE, Account
 
 
 def test_each_reason_is_counted_with_its_first_place() -> None:
@@ -45,6 +45,13 @@ def test_only_what_may_be_a_mistake_is_a_warning(reason: str, level: int, caplog
     (record,) = caplog.records
     assert record.levelno == level
     assert record.getMessage().startswith("uwb.csv: 1 readings used; 1 of 2 readings")
+
+
+def test_that_nothing_is_left_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    account = Account("uwb.csv", rows=1)
+    account.leave_out(EMPTY, "line 2")
+    account.report()
+    assert caplog.messages == ["uwb.csv: 0 readings used; 1 of 1 readings hold no range and no bearing (first: line 2)"]
 
 
 def test_what_is_whole_says_nothing(caplog: pytest.LogCaptureFixture) -> None:

@@ -225,6 +225,15 @@ def test_times_that_say_nothing_are_left_out() -> None:
     assert decode(Cloud(xyz() | {"time": np.full((1, 50), np.nan, "f4")})).times is None
 
 
+def test_times_of_beams_without_return_are_no_numbers(caplog: pytest.LogCaptureFixture) -> None:
+    x = np.where(np.arange(40) % 5 == 0, np.nan, 3.0).astype(np.float32)[None]
+    times = np.where(np.isnan(x), np.nan, np.linspace(0, 0.1, 40))
+    scan = PointCloud2Decoder().decode(Cloud({"x": x, "y": x, "z": x, "time": times}).message())
+    assert scan.times is not None
+    np.testing.assert_array_equal(scan.times, times[np.isfinite(times)])
+    assert "deskewed" not in caplog.text
+
+
 def test_points_without_a_time_are_dropped_where_others_have_one() -> None:
     time = np.linspace(0, 0.1, 50, dtype="f4").reshape(1, 50)
     time[0, 7] = np.nan
