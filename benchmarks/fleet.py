@@ -114,8 +114,10 @@ def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float 
 def held(
     result: FilterResult, truth: Mapping[str, Trajectory], *, share: float = 0.9, of_each: int = 20, most: int = 500
 ) -> float:
-    """Share of kept pairs' horizontal displacements within their stated regions, of some of at most so many pairs of
-    robots: a prediction's covariance takes as long as the search of two robots."""
+    """Share of kept pairs' horizontal displacements within their stated regions, of some of so many pairs of robots.
+
+    Not of all: a prediction's covariance takes as long as the search of two robots.
+    """
     rng, within = np.random.default_rng(0), [np.zeros(0, bool)]
     meeting = [pairs for pairs in result.pairs if len(pairs) and pairs.predicts is not None]
     for pairs in meeting[:: -(-len(meeting) // most) or 1]:
