@@ -11,7 +11,7 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.errors import InputError
-from wiclosure.types import Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, measured_poses
+from wiclosure.types import BoolArray, Closure, FloatArray, IntArray, KeyframeId, Stage, Trajectory, measured_poses
 
 
 class Decision(NamedTuple):
@@ -31,6 +31,7 @@ class ClosureSet:
         index_a, index_b: `(N,)` keyframe indices.
         T_a_b: `(N, 4, 4)` measured pose of b's body in a's body.
         covariance: `(N, 6, 6)` of `T_a_b`, noise floor included.
+        turned: `(N,)` those that were stated the other way round; None: nobody knows.
     """
 
     robot_a: str
@@ -40,6 +41,7 @@ class ClosureSet:
     index_b: IntArray
     T_a_b: FloatArray
     covariance: FloatArray
+    turned: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -66,7 +68,27 @@ class ClosureSet:
             self.index_b[kept],
             self.T_a_b[kept],
             self.covariance[kept],
+            None if self.turned is None else self.turned[kept],
         )
+
+    def covariance_parts(self) -> FloatArray:
+        """`(3, N, 6, 6)` of `covariance`, what comes of the stated ones' parts (`covariance_parts`)."""
+        turned = np.zeros(len(self), bool) if self.turned is None else self.turned
+        stated, T = self.covariance.copy(), self.T_a_b[turned]
+        stated[turned] = se3.inverse_covariance(T, stated[turned])
+        parts = covariance_parts(stated)
+        parts[:, turned] = np.stack([se3.inverse_covariance(se3.inverse(T), part) for part in parts[:, turned]])
+        return parts
+
+
+def covariance_parts(covariance: FloatArray) -> FloatArray:
+    """`(3, N, 6, 6)`: rotation's own part, that which it shares with translation, and translation's own.
+
+    Turned or chained, rotations move positions: only as they are stated can rotation and translation be told apart.
+    """
+    rotation, translation = np.zeros_like(covariance), np.zeros_like(covariance)
+    rotation[:, :3, :3], translation[:, 3:, 3:] = covariance[:, :3, :3], covariance[:, 3:, 3:]
+    return np.stack([rotation, covariance - rotation - translation, translation])
 
 
 def closure_sets(
@@ -158,4 +180,4 @@ def _stacked(
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     index_a, index_b = np.where(turned, match, query), np.where(turned, query, match)
-    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance)
+    return ClosureSet(robot_a, robot_b, np.array(rows, dtype=np.int64), index_a, index_b, T, covariance, turned)

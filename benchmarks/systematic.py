@@ -17,8 +17,9 @@ import argparse
 from dataclasses import dataclass, field
 
 import numpy as np
-from systematic_faults import FAULTS, UNSEEN, Case, Fault
+from systematic_faults import FAULTS, Case, Fault
 from systematic_telling import tellable
+from systematic_unseen import UNSEEN
 from systematic_worlds import WORLDS, World, drifted, listen, wrap
 
 from wiclosure import se3

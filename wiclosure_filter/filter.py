@@ -25,6 +25,7 @@ from wiclosure.wiclosure_filter import side_by_side
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
 from wiclosure.wiclosure_filter.config import FilterSettings
+from wiclosure.wiclosure_filter.faults import witnesses
 from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.team import NameOrders
@@ -74,7 +75,7 @@ class WiClosureFilter:
         # Where measurements do not fit: is there a systematic error that explains them?
         links, alignments = self.diagnosed(trajectories, wireless, links, alignments)
         # 3. One estimate of all trajectories, with the uncertainty of any two poses.
-        shared = self.share(trajectories, links, list(alignments.values()))
+        shared, alignments = self.shared(trajectories, links, alignments)
         # 4. Where do trajectories overlap?  5. Which pairs there are near enough?
         kept = self.search(shared)
         pairs = tuple(
@@ -163,6 +164,21 @@ class WiClosureFilter:
     ) -> SharedTrajectory:
         """All robots that the certain ones of the alignments join in one frame."""
         return share_trajectories(trajectories, links, alignments, self._frame_prior, self.settings.shared_trajectory)
+
+    def shared(
+        self,
+        trajectories: Mapping[str, Trajectory],
+        links: Mapping[RobotPair, Links],
+        alignments: Mapping[RobotPair, FrameAlignment],
+    ) -> tuple[SharedTrajectory, dict[RobotPair, FrameAlignment]]:
+        """The same once measurements that it does not rest on were heard, with the alignments that they leave."""
+        alignments = dict(alignments)
+        while True:
+            joined = self.share(trajectories, links, list(alignments.values()))
+            refuted = witnesses.refuted(joined, alignments, links, trajectories, self.settings.alignment)
+            if not refuted:
+                return joined, alignments
+            alignments |= {pair: alignments[pair].doubted(reason) for pair, reason in refuted.items()}
 
     @property
     def _frame_prior(self) -> FramePrior:

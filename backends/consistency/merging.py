@@ -18,7 +18,7 @@ from wiclosure.backends.consistency.own_loops import OwnLoops
 from wiclosure.backends.consistency.scale import allowed, scale_of
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
-from wiclosure.backends.least_squares.variance_components import VarianceComponents, separate_factors
+from wiclosure.backends.least_squares.variance_components import CONVERGED, VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
@@ -42,6 +42,7 @@ class MergedGroups:
         candidates: sets between robots of the first round.
         settled: the estimate within the groups.
         factors: `(2,)` on the standard deviations of rotation and of translation.
+        room: factor on those of closures besides, up to which they are inliers: odometry may be stated better.
         odometry_factors: `(R,)` on those of each robot's odometry besides.
     """
 
@@ -51,12 +52,13 @@ class MergedGroups:
     candidates: list[CandidateSet]
     settled: Settled
     factors: FloatArray
+    room: float = 1.0
     odometry_factors: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def scale(self) -> float:
-        """One factor: the larger."""
-        return float(self.factors.max())
+        """One factor up to which closures are inliers."""
+        return float(self.room * self.factors.max())
 
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
@@ -124,8 +126,13 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
             group, settled = new_group, after
         else:
             torn[np.concatenate([c.rows for c in joining if c not in standing])] = True
+    room = sigma_scale.of_residuals(settled.distance[settled.inlier], robots.degrees) or 1.0
+    if settings.most_scale > 1 and room > CONVERGED:
+        settled = _settled(robots, group, settled.inlier, settled.poses, room**2 * limit)
+    else:
+        room = 1.0
     reasons = _reasons(robots, group, settled, candidates, torn)
-    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale))
+    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale), room)
 
 
 def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:

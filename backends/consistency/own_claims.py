@@ -21,7 +21,7 @@ from wiclosure.backends.sets.claims import Claims
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 NEIGHBOURS = 8  # loops whose ends are nearest along the path, with which each is compared
-SUPPORTERS = 2  # of them, that must agree with it: one may by chance
+SUPPORTERS = 2  # of them, supported themselves, that must agree with it: one may by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class OwnClaims:
         return self.distances > limit
 
     def supported(self, limit: float) -> BoolArray:
-        """`(N,)` those that neighbours lie within a squared distance of `limit` of."""
+        """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
         count = len(self.claims)
         apart_m = 2.0 * self.along_m.max(initial=0.0) * self.robot  # robots are no neighbours
         places = np.column_stack([self.along_m, apart_m])
@@ -69,7 +69,12 @@ class OwnClaims:
         comparable = (one != other) & (self.robot[one] == self.robot[other])
         one, other = one[comparable], other[comparable]
         agree = self.claims.pair_distances(one, other) <= limit
-        return np.asarray(np.bincount(one[agree], minlength=count) >= SUPPORTERS)
+        one, other, found = one[agree], other[agree], np.ones(count, bool)
+        while True:
+            still = np.bincount(one[found[other]], minlength=count) >= SUPPORTERS
+            if (still == found).all():
+                return found
+            found = still
 
 
 def _wander(robots: Robots) -> FloatArray:

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from wiclosure.backends.consistency.own_claims import OwnClaims
-from wiclosure.backends.least_squares.chordal import cheaper, chordal
+from wiclosure.backends.least_squares.chordal import cheaper, cheaper_start, chordal
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
 from wiclosure.backends.least_squares.system import System
@@ -24,11 +24,12 @@ class OwnLoops:
         self.robots, self.settings = robots, settings
         self.limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
         self.inliers = lru_cache(2)(self._inliers)  # the scale that is decided on is asked for again
+        self._trusted = lru_cache(2)(self._told_trusted)
 
     @cached_property
     def all(self) -> Settled | None:
         """By all of them; None where some stand alone against odometry."""
-        return None if self._trusted(self.robots) is not None else self._everything
+        return self._everything if self._trusted(1.0) is None else None
 
     def within(self, settled: Settled, times: float) -> int:
         """How many loops lie where an estimate predicts them, with so many times its standard deviations."""
@@ -40,8 +41,7 @@ class OwnLoops:
 
     def _inliers(self, scale: float) -> Settled:
         """By those that agree: all of them, where none contradicts the others."""
-        robots = self.robots.scaled(scale)
-        trusted = self._trusted(robots)
+        robots, trusted = self.robots.scaled(scale), self._trusted(scale)
         if trusted is not None:
             return self._grown(robots, trusted)
         everything = self._everything.scaled(scale)
@@ -49,10 +49,10 @@ class OwnLoops:
             return everything
         return self._among(robots, robots.own, [everything.poses, robots.poses])
 
-    def _trusted(self, robots: Robots) -> BoolArray | None:
+    def _told_trusted(self, scale: float) -> BoolArray | None:
         """Loops `(M,)` that neighbours support; None where odometry refutes no other."""
-        own, found = robots.own, np.zeros(len(robots.loops), bool)
-        of = OwnClaims.of(robots)
+        robots = self.robots.scaled(scale)
+        own, found, of = robots.own, np.zeros(len(robots.loops), bool), OwnClaims.of(robots)
         refuted = of.refuted(self.limit)
         if not refuted.any():
             return None
@@ -65,7 +65,8 @@ class OwnLoops:
 
         The others never enter: each would join two places more, and fill the normal matrix.
         """
-        by_trusted = self._among(robots, trusted, [robots.poses], rounds=1)
+        system = System.of(robots.odometry + robots.loops.subset(trusted), robots.poses, robots.first_nodes)
+        by_trusted = self._among(robots, trusted, [cheaper_start(system, robots.poses)], rounds=1)
         plausible = robots.own & (by_trusted.distance <= self.limit)
         return self._among(robots, plausible, [by_trusted.poses])
 

@@ -28,6 +28,8 @@ class Robots:
         along_m: `(N,)` way from the robot's first keyframe to each node, by odometry.
         length_m: `(R,)` of each robot's path, which may go on beyond its last node.
         step_m: median distance between keyframes; nodes may be further apart.
+        parts: covariances of odometry and of loops by what is stated of rotation, of both, and of translation
+            (`covariance_parts`); None where only their sums are known.
     """
 
     robot: IntArray
@@ -38,6 +40,7 @@ class Robots:
     along_m: FloatArray
     length_m: FloatArray
     step_m: float
+    parts: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def count(self) -> int:
@@ -91,9 +94,10 @@ class Robots:
 
     def loosened(self, factors: FloatArray) -> Robots:
         """The standard deviations of each robot's odometry times factors `(R,)`."""
-        squared = factors[self.robot[self.odometry.first]] ** 2
+        squared = factors[self.robot[self.odometry.first]][:, None, None] ** 2
+        parts = None if self.parts is None else (squared * self.parts[0], self.parts[1])
         return replace(
-            self, odometry=replace(self.odometry, covariance=squared[:, None, None] * self.odometry.covariance)
+            self, odometry=replace(self.odometry, covariance=squared * self.odometry.covariance), parts=parts
         )
 
     def scaled(self, factors: float | FloatArray) -> Robots:
@@ -101,11 +105,28 @@ class Robots:
 
         Smaller ones leave in what numbers lose where they are written: measurements without noise have that left.
         """
-        return replace(self, odometry=_restated(self.odometry, factors), loops=_restated(self.loops, factors))
+        if self.parts is None:
+            return self._with(
+                restated(self.odometry.covariance, factors), restated(self.loops.covariance, factors), factors
+            )
+        rotation, translation = np.broadcast_to(factors, 2)
+        squared = np.array([rotation**2, rotation * translation, translation**2])[:, None, None, None]
+        of_odometry, of_loops = (squared * part for part in self.parts)
+        if np.ndim(factors):
+            found = self._with(of_odometry.sum(axis=0), of_loops.sum(axis=0), factors)
+        else:  # with what was left in before
+            found = self._with(rotation**2 * self.odometry.covariance, rotation**2 * self.loops.covariance, factors)
+        return replace(found, parts=(of_odometry, of_loops))
+
+    def _with(self, of_odometry: FloatArray, of_loops: FloatArray, factors: float | FloatArray) -> Robots:
+        odometry, loops = (
+            _written(edges, covariance, factors)
+            for edges, covariance in ((self.odometry, of_odometry), (self.loops, of_loops))
+        )
+        return replace(self, odometry=odometry, loops=loops)
 
 
-def _restated(edges: Edges, factors: float | FloatArray) -> Edges:
-    covariance = restated(edges.covariance, factors)
+def _written(edges: Edges, covariance: FloatArray, factors: float | FloatArray) -> Edges:
     if np.min(factors) < 1.0:
         axes, length = np.arange(6), np.linalg.norm(edges.T[:, :3, 3], axis=1, keepdims=True)
         covariance[:, axes, axes] += WRITTEN**2

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.closure_sets import ClosureSet, canonical_order
+from wiclosure.backends.closure_sets import ClosureSet, canonical_order, covariance_parts
 from wiclosure.backends.factor_graph.factors import keyframes_in_factors, odometry_covariances
 from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.robots import Robots
@@ -40,6 +40,10 @@ class TeamArrays:
         offset = dict(zip(names, np.cumsum([0, *(len(nodes[name]) for name in names)]), strict=False))
         steps = [_steps(trajectories[name], nodes[name], int(offset[name])) for name in names]
         odometry = Edges.stacked(steps)
+        of_steps = [_parts(trajectories[name], nodes[name]) for name in names]
+        none = np.zeros((3, 0, 6, 6))
+        of_loops = [none, *(closure_set.covariance_parts() for closure_set in sets)]
+        parts = np.concatenate([none, *of_steps], axis=1), np.concatenate(of_loops, axis=1)
         loops = Edges.stacked(
             [
                 Edges(
@@ -58,7 +62,9 @@ class TeamArrays:
         step_m = float(np.median(np.concatenate([np.zeros(1), *(np.diff(t.distance) for t in trajectories.values())])))
         along_m = np.concatenate([trajectories[name].distance[nodes[name]] for name in names])
         length_m = np.array([np.ptp(trajectories[name].distance) for name in names])
-        robots = Robots(robot, np.concatenate(local), odometry, loops, predicted[rows], along_m, length_m, step_m)
+        robots = Robots(
+            robot, np.concatenate(local), odometry, loops, predicted[rows], along_m, length_m, step_m, parts
+        )
         return cls(robots, tuple(names), nodes, rows)
 
     def poses_of(self, poses: FloatArray) -> dict[str, FloatArray]:
@@ -68,6 +74,14 @@ class TeamArrays:
     def stacked(self, poses: Mapping[str, FloatArray]) -> FloatArray:
         """`(N, 4, 4)` of all keyframes' poses by robot."""
         return np.concatenate([poses[name][self.nodes[name]] for name in self.names])
+
+
+def _parts(trajectory: Trajectory, nodes: IntArray) -> FloatArray:
+    """`(3, K - 1, 6, 6)` of the covariances of the steps between nodes."""
+    if trajectory.step_covariances is None:
+        return covariance_parts(odometry_covariances(trajectory, nodes, nodes))
+    of_each = (replace(trajectory, step_covariances=part) for part in covariance_parts(trajectory.step_covariances))
+    return np.stack([odometry_covariances(of_part, nodes, nodes) for of_part in of_each])
 
 
 def _steps(trajectory: Trajectory, nodes: IntArray, offset: int) -> Edges:

@@ -9,7 +9,13 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import DEGREES, degrees_of_true_ones, mahalanobis_squared
+from wiclosure.backends.least_squares.edges import (
+    DEGREES,
+    degrees_of_freedom,
+    degrees_of_true_ones,
+    mahalanobis_squared,
+)
+from wiclosure.backends.least_squares.system import IN_PLANE, OUT_OF_PLANE
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 65536  # pairs at once: bounds memory
@@ -18,6 +24,7 @@ COUNTED = 2000  # closures among which neighbours are counted
 NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
 DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
 DIMENSION_SHARE = 0.02  # of them
+ROUNDING = 1e-9  # of what is zero
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 
 
@@ -63,6 +70,13 @@ class Claims:
         return degrees_of_true_ones(self.frames[:0], self.frames)
 
     @cached_property
+    def free(self) -> IntArray:
+        """Components `(K,)` that frames differ in: three in the plane, where errors there are independent of others."""
+        coupled = np.abs(self.noise[:, IN_PLANE[:, None], OUT_OF_PLANE]).max(initial=0.0)
+        apart = coupled + np.abs(self.wander[:, OUT_OF_PLANE]).max(initial=0.0) < ROUNDING
+        return IN_PLANE if apart and degrees_of_freedom(self.frames) == len(IN_PLANE) else np.arange(DEGREES)
+
+    @cached_property
     def noise(self) -> FloatArray:
         """Covariance `(N, 6, 6)` of `frames` by the measurements alone, as errors in B."""
         return se3.rotate_covariance(se3.adjoint(self.T_B_b), self.covariance)
@@ -105,17 +119,17 @@ class Claims:
         Infinite where rotations or translations alone are further apart than `beyond` allows: seen at little cost.
         """
         found = np.full((len(rows), len(self)), np.inf)
-        size = max(1, PAIRS_AT_ONCE // max(len(self), 1))
-        samples = self.wander.shape[2]
-        by_sample = self.wander.reshape(-1, samples).T
+        size, width, samples = max(1, PAIRS_AT_ONCE // max(len(self), 1)), len(self.free), self.wander.shape[2]
+        wander, covariances = self.wander[:, self.free], self.frame_covariance[:, self.free[:, None], self.free]
+        by_sample = wander.reshape(-1, samples).T
         for start in range(0, len(rows), size):
             part = rows[start : start + size]
             first, second = np.nonzero(self._may_agree(part, np.arange(len(self)), beyond))
             one, other = part[first], second
-            products = self.wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
-            cross = products.reshape(len(part), DEGREES, len(self), DEGREES)[first, :, second]
-            covariance = self.frame_covariance[one] + self.frame_covariance[other] - cross - np.swapaxes(cross, 1, 2)
-            error = se3.log(se3.between(self.frames[one], self.frames[other]))
+            products = wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
+            cross = products.reshape(len(part), width, len(self), width)[first, :, second]
+            covariance = covariances[one] + covariances[other] - cross - np.swapaxes(cross, 1, 2)
+            error = se3.log(se3.between(self.frames[one], self.frames[other]))[:, self.free]
             found[start + first, second] = mahalanobis_squared(error, covariance)
         found[np.arange(len(rows)), rows] = 0.0
         return found

@@ -119,24 +119,50 @@ class Contradiction:
 
 
 def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettings) -> Contradiction | Fit:
-    """How the map speaks for or against the log of the two robots."""
-    tried = readings_of_log(*pair.pair, log, pair.alignment.calibration, pair.apart(log))
-    widened = [False, *(reading.widens for reading in tried for _ in reading.corrections)]
-    others = [c.apply((pair.merged, log))[1] for reading in tried for c in reading.corrections]
-    as_read, *found = pair.log_evidences([log, *others], widened).tolist()
-    each = np.split(np.array(found), np.cumsum([len(reading.corrections) for reading in tried])[:-1])
-    usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, each, strict=True) if r.sigmas]
-    honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
-    known = np.log(settings.systematic_error / len(tried))
-    wrong = [float(known + logsumexp(of + r.log_shares)) for r, of in zip(tried, each, strict=True)]
-    log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
-    if log_odds < np.log(settings.decisive_odds):
-        return Fit.GOOD if log_odds < -np.log(settings.decisive_odds) and as_read > _FITS else Fit.OPEN
-    order = np.argsort(wrong)[::-1]
-    if each[order[0]].max() < _FITS:
-        return Contradiction(log_odds)
-    likely = [n for n in order[:_NAMED] if wrong[n] > wrong[order[0]] - np.log(settings.decisive_odds)]
-    return Contradiction(log_odds, tuple(_likeliest(tried[n], each[n]) for n in likely))
+    """How the map speaks for or against the log of the two robots: either way from the same odds on."""
+    told = MapOdds.of(pair, log, settings)
+    decisive = np.log(settings.decisive_odds)
+    if told.log_odds < decisive:
+        return Fit.GOOD if told.log_odds < -decisive and told.as_read > _FITS else Fit.OPEN
+    order = np.argsort(told.wrong)[::-1]
+    if told.found[order[0]].max() < _FITS:
+        return Contradiction(told.log_odds)
+    likely = [n for n in order[:_NAMED] if told.wrong[n] > told.wrong[order[0]] - decisive]
+    return Contradiction(told.log_odds, tuple(_likeliest(told.tried[n], told.found[n]) for n in likely))
+
+
+@dataclass(frozen=True, eq=False)
+class MapOdds:
+    """What is weighed of a log where the map has the robots; natural logarithms.
+
+    Args:
+        as_read: log-evidence of the log as it claims to be.
+        tried: errors.
+        found: log-evidence with each size of each error undone.
+        wrong: log-probability of each error, with what it explains.
+        log_odds: that something is wrong with the log, known or not, against ordinary errors.
+    """
+
+    as_read: float
+    tried: Sequence[Reading]
+    found: Sequence[FloatArray]
+    wrong: FloatArray
+    log_odds: float
+
+    @classmethod
+    def of(cls, pair: MergedPair, log: WirelessLog, settings: MutualCheckSettings) -> MapOdds:
+        """Every way to read the log of the two robots, against the log as it was read."""
+        tried = readings_of_log(*pair.pair, log, pair.alignment.calibration, pair.apart(log))
+        widened = [False, *(reading.widens for reading in tried for _ in reading.corrections)]
+        others = [c.apply((pair.merged, log))[1] for reading in tried for c in reading.corrections]
+        as_read, *each = pair.log_evidences([log, *others], widened).tolist()
+        found = np.split(np.array(each), np.cumsum([len(reading.corrections) for reading in tried])[:-1])
+        usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, found, strict=True) if r.sigmas]
+        honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
+        known = np.log(settings.systematic_error / len(tried))
+        wrong = known + np.array([logsumexp(of + r.log_shares) for r, of in zip(tried, found, strict=True)])
+        log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
+        return cls(as_read, tried, found, wrong, log_odds)
 
 
 def _likeliest(reading: Reading, found: FloatArray) -> Correction:

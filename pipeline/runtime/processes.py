@@ -16,6 +16,7 @@ from threading import Thread
 from typing import Any, TypeVar
 
 from wiclosure.errors import ProcessError
+from wiclosure.pipeline.runtime.log import warnings_on_terminal
 from wiclosure.workers import ThisProcess, Workers, at_work
 
 _Item = TypeVar("_Item")
@@ -147,6 +148,7 @@ _FOR_LIFE = ExitStack()
 def _begin(unwanted: Event, news: SimpleQueue[tuple[Any, ...]]) -> None:
     """What a fresh process does before any work."""
     Thread(target=_follow_parent, daemon=True).start()
+    _FOR_LIFE.enter_context(warnings_on_terminal())
     _FOR_LIFE.enter_context(at_work(told=lambda *heard: news.put(heard), wanted=lambda: not unwanted.is_set()))
 
 

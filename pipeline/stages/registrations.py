@@ -21,7 +21,8 @@ from wiclosure.workers import ThisProcess, Workers, batches, require_wanted
 Clouds: TypeAlias = Mapping[KeyframeId, Float32Array]
 """Clouds `(N, 3)` of keyframes in the body's axes."""
 
-_AT_ONCE = 16  # closures sent to a process together: neighbours share clouds
+_AT_ONCE = 16  # closures sent to a process together, at most: neighbours share clouds
+_SHARES = 8  # for each process, at least: at the end no process waits long for the others
 _WORTH_WORKERS = 2 * _AT_ONCE  # fewer are registered sooner than processes start
 
 
@@ -131,7 +132,8 @@ class RegistrationPool:
 
     def _side_by_side(self, work: Sequence[_Work]) -> Generator[tuple[Start, Registered], None, None]:
         ordered = sorted(work, key=lambda w: (w.start.query.robot, w.start.query.index))
-        parts = [_Batch.of(part, self) for part in batches(ordered, _AT_ONCE)]
+        size = max(1, min(_AT_ONCE, len(work) // (_SHARES * self.workers.count)))
+        parts = [_Batch.of(part, self) for part in batches(ordered, size)]
         with closing(self.workers.each(_register, parts)) as done:
             for _, found in done:
                 yield from found

@@ -40,6 +40,7 @@ class Solution:
         diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
         contradictions: those on robots of which radio and closures, or clocks, tell differently.
         doubts: those on robots of which two sets of closures contradict each other, one of them accepted.
+        without_radio: robots that measured each other and went on as if they had not.
     """
 
     filtered: FilterResult
@@ -52,6 +53,7 @@ class Solution:
     diagnosis: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    without_radio: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,7 @@ def solve(
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
         doubts=doubts,
+        without_radio=tuple(one.pair for one in checks if one.drops_radio),
         diagnosis=(
             *doubts,
             *contradictions,

@@ -18,32 +18,23 @@ class BorderedSystem:
     Args:
         diagonal: `(M, 4, 4)`.
         upper: `(M - 1, 4, 4)` between block m and m + 1.
-        gradient: `(M, 4)`.
         border: `(M, 4, 7)` between block m and the errors.
         of_errors: `(7, 7)`.
-        gradient_of_errors: `(7,)`.
     """
 
     diagonal: FloatArray
     upper: FloatArray
-    gradient: FloatArray
     border: FloatArray
     of_errors: FloatArray
-    gradient_of_errors: FloatArray
 
     @cached_property
     def inverse(self) -> FloatArray:
         """`(4 M + 7, 4 M + 7)` covariance of the blocks and the errors."""
-        alone = np.asarray(solveh_banded(self._bands(), np.eye(self.gradient.size)))
+        alone = np.asarray(solveh_banded(self._bands(), np.eye(len(self._border))))
         follows = np.vstack([-self._response, np.eye(self.of_errors.shape[0])])
         inverse = follows @ self.covariance_of_errors() @ follows.T
         inverse[: len(alone), : len(alone)] += (alone + alone.T) / 2
         return np.asarray(inverse)
-
-    def solved(self) -> tuple[FloatArray, FloatArray]:
-        """Solution `(4 M,)` of the blocks, and that of the errors `(7,)`."""
-        errors = self.covariance_of_errors() @ (self.gradient_of_errors - self._border.T @ self._alone)
-        return self._alone - self._response @ errors, errors
 
     def covariance_of_errors(self) -> FloatArray:
         """`(7, 7)` block of the inverse."""
@@ -58,7 +49,7 @@ class BorderedSystem:
     def marginal(self, block: int) -> FloatArray:
         """`(11, 11)` of the inverse: a block of 4, and the errors."""
         rows = slice(4 * block, 4 * block + 4)
-        unit = np.zeros((self.gradient.size, 4))
+        unit = np.zeros((len(self._border), 4))
         unit[rows] = np.eye(4)
         alone = np.asarray(solveh_banded(self._bands(), unit))[rows]
         follows = np.vstack([-self._response[rows], np.eye(self.of_errors.shape[0])])
@@ -68,21 +59,12 @@ class BorderedSystem:
 
     @property
     def _border(self) -> FloatArray:
-        return self.border.reshape(self.gradient.size, -1)
+        return self.border.reshape(-1, len(self.of_errors))
 
     @cached_property
-    def _solutions(self) -> FloatArray:
-        return np.asarray(solveh_banded(self._bands(), np.column_stack([self.gradient.reshape(-1), self._border])))
-
-    @property
-    def _alone(self) -> FloatArray:
-        """Solution of the blocks without errors."""
-        return self._solutions[:, 0]
-
-    @property
     def _response(self) -> FloatArray:
         """How the blocks follow the errors, with the sign turned."""
-        return self._solutions[:, 1:]
+        return np.asarray(solveh_banded(self._bands(), self._border))
 
     def _bands(self) -> FloatArray:
         return banded(self.diagonal, self.upper)

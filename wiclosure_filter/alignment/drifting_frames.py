@@ -128,24 +128,8 @@ class RigidTransform:
         return ChainGuess(yaw, w, self.constant.first_guess(at_start, np.linalg.norm(w, axis=1))[None])
 
 
-def follow_drift(
-    state: FloatArray,
-    rigid: Mixture,
-    drift: tuple[FloatArray, FloatArray],
-    prior: Prior,
-    odometry: PairOdometry,
-    calibration: CalibrationPriors,
-) -> DriftingFrames:
-    """Lets a rigid transform follow the drift of both robots, see `RigidTransform`.
-
-    Raises:
-        numpy.linalg.LinAlgError: steps of millions of metres leave no digits for the rest.
-    """
-    return _climbed([RigidTransform(state, rigid, drift, prior, odometry, calibration)])[0]
-
-
 def follow_drifts(rigid: Sequence[RigidTransform]) -> list[DriftingFrames | None]:
-    """The same of many rigid transforms, together; None where steps leave no digits for the rest."""
+    """Lets rigid transforms follow both robots' drift, together; None where steps leave no digits for the rest."""
     found: list[DriftingFrames | None] = [None] * len(rigid)
     matters = [one.drift_matters for one in rigid]
     for drifting in (True, False):

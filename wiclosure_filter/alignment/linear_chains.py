@@ -116,14 +116,7 @@ class LinearChains:
         """One of them."""
         first, end = self.segments.ends[number], self.segments.ends[number + 1]
         blocks, steps = slice(first, end), slice(first, end - 1)
-        system = BorderedSystem(
-            self.diagonal[blocks],
-            self.upper[steps],
-            self.gradient[blocks],
-            self.border[blocks],
-            self.of_errors[number],
-            self.gradient_of_errors[number],
-        )
+        system = BorderedSystem(self.diagonal[blocks], self.upper[steps], self.border[blocks], self.of_errors[number])
         return Chain(
             system,
             self.error[steps],

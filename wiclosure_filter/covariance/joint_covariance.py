@@ -6,6 +6,7 @@ of the last robots are kept.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,7 +14,9 @@ import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.covariance.recent import Recent
-from wiclosure.wiclosure_filter.covariance.square_root import MOST_BYTES, SquareRoot
+from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
+
+MOST_BYTES = 1 << 29  # of rows that are kept: of robots that lie near each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,7 @@ class JointCovariance:
     turn: FloatArray
     linked: tuple[IntArray, IntArray]
     _kept: Recent[Rows] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
+    _cross: dict[tuple[int, int], FloatArray] = field(default_factory=dict, repr=False)
 
     def of_pairs(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Covariances `(M, 6, 6)` of poses n of one robot, of these with poses m of another, and of the latter."""
@@ -42,32 +46,46 @@ class JointCovariance:
             cross[others] = self._rows(rows).cross(self._rows(columns))[of_n, of_m]
         return self._alone(n), cross, self._alone(m)
 
-    def about(self, robot: int, one: int) -> tuple[FloatArray, FloatArray]:
-        """Covariances `(n, 6, 6)` of all poses of a robot, and of these with one of them."""
-        poses = np.arange(self.first[robot], self.first[robot + 1])
-        turn = self._turn(poses)
-        return self._alone(poses), turn @ self.root.with_one(poses, int(poses[one])) @ turn[one].T
+    def about(self, robots: Sequence[int], ones: Sequence[int]) -> list[tuple[FloatArray, FloatArray]]:
+        """For each of some robots covariances `(n, 6, 6)` of all its poses, and of these with one of them.
+
+        Args:
+            robots: that lie near each other, for speed.
+            ones: which pose of each robot.
+        """
+        poses = [np.arange(self.first[robot], self.first[robot + 1]) for robot in robots]
+        middles = np.array([own[one] for own, one in zip(poses, ones, strict=True)])
+        turned = zip(poses, self._turn(middles), self.root.with_ones(poses, middles), strict=True)
+        return [(self._alone(own), self._turn(own) @ columns @ turn.T) for own, turn, columns in turned]
+
+    def learn(self, n: IntArray, others: Sequence[IntArray]) -> None:
+        """Computes the covariances of some poses with others together, before `of_two` is asked for them.
+
+        Args:
+            n: `(G,)`, in an order in which neighbours follow each other.
+            others: for each, other poses.
+        """
+        for own, blocks, with_one in zip(n.tolist(), self.root.with_ones(others, n), others, strict=True):
+            self._cross.update(((own, other), block.T) for other, block in zip(with_one.tolist(), blocks, strict=True))
 
     def of_two(self, n: int, m: int) -> FloatArray:
-        """Covariance `(12, 12)` of two poses; those that were asked for lately are known."""
-        poses = np.array([n, m])
-        turn = self._turn(poses)
-        cross = self._recent((n,), poses[:1], turn[:1]).cross(self._recent((m,), poses[1:], turn[1:]))[0, 0]
-        own_n, own_m = self._alone(poses)
+        """Covariance `(12, 12)` of two poses."""
+        if (n, m) not in self._cross:
+            self.learn(np.array([n]), [np.array([m])])
+        turn = self._turn(np.array([n, m]))
+        cross = turn[0] @ self._cross[n, m] @ turn[1].T
+        own_n, own_m = self._alone(np.array([n, m]))
         return np.block([[own_n, cross], [cross.T, own_m]])
 
     def positions(self, robot: int, dimensions: int) -> Rows:
         """What the positions of all poses of a robot depend on, horizontal ones or in space."""
-        poses = np.arange(self.first[robot], self.first[robot + 1])
-        return self._recent((robot, dimensions), poses, self._turn(poses)[:, 3 : 3 + dimensions])
 
-    def _recent(self, key: tuple[int, ...], poses: IntArray, parts: FloatArray) -> Rows:
-        """Those of the key, if they were asked for lately."""
-        if key not in self._kept:
-            rows = self._asked(poses, parts)
-            self._kept.add(key, rows, rows.values.nbytes)
-        self._kept.forget([key])
-        return self._kept[key]
+        def rows() -> tuple[Rows, int]:
+            poses = np.arange(self.first[robot], self.first[robot + 1])
+            found = self._asked(poses, self._turn(poses)[:, 3 : 3 + dimensions])
+            return found, found.values.nbytes
+
+        return self._kept.reuse((robot, dimensions), rows)
 
     def _rows(self, poses: IntArray) -> Rows:
         return self._asked(poses, self._turn(poses))

@@ -2,22 +2,20 @@
 
 The covariance is `Lambda^-1 = R^-1 R^-T`: with the rows V of R^-1, poses n and m have the covariance `V_n V_m^T`.  A
 pose's row has numbers only where its own clique and those above it stand (Davis, Direct Methods for Sparse Linear
-Systems, 2006, section 3), of which a graph that lies in a plan has few; those of two poses are the same from the root
-down to where their ways part.
+Systems, 2006, section 3), of which a graph that lies in a plan has few.  Rows, and columns of the inverse, come of
+substitutions for many of them at once: in a clique for those alone that reach it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.covariance.cliques import Clique, Eliminated
-from wiclosure.wiclosure_filter.covariance.recent import Recent
-
-MOST_BYTES = 1 << 29  # of rows that are kept: what robots share that lie near each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +31,6 @@ class SquareRoot:
     cliques: Sequence[Clique]
     clique_of: IntArray
     slot: IntArray
-    _known: Recent[FloatArray] = field(default_factory=lambda: Recent(MOST_BYTES), repr=False)
 
     @classmethod
     def of(cls, eliminated: Eliminated) -> SquareRoot:
@@ -55,68 +52,30 @@ class SquareRoot:
         Returns:
             Values `(6 C, P, d)`, and the cliques, increasing, whose C poses their rows belong to, in order.
         """
-        cliques = self.with_ancestors(poses)
-        above = {self.cliques[number].parent for number in cliques.tolist()}
-        ends = 6 * np.cumsum(self.lengths(cliques))
-        values = np.zeros((ends[-1], len(poses), parts.shape[1]))
-        columns: dict[int, IntArray] = {-1: np.zeros(0, np.int64)}  # of a clique and those above it
-        for number, end in zip(cliques.tolist(), ends.tolist(), strict=True):
-            clique = self.cliques[number]
-            columns[number] = np.append(columns[clique.parent], np.arange(end - len(clique.remainder), end))
-            asked = np.flatnonzero(self.clique_of[poses] == number)
-            if len(asked) == 0:
-                continue
-            of_poses = np.zeros((len(asked), parts.shape[1], len(clique.poses), 6))
-            of_poses[np.arange(len(asked)), :, self.slot[poses[asked]]] = parts[asked]
-            wanted = of_poses.reshape(-1, len(clique.remainder))
-            if number in above:
-                found = wanted @ self._known_rows(number)
-            else:
-                found = np.hstack([(wanted @ clique.response) @ self._above(clique), wanted @ clique.remainder])
-            values[columns[number][:, None], asked] = found.T.reshape(-1, len(asked), parts.shape[1])
-        self._known.forget(n for n in cliques[::-1].tolist() if n in above)  # those above are shared, and kept longer
-        return values, cliques
+        path = _Path.of(self, poses)
+        order = np.argsort(self.clique_of[poses], kind="stable")  # what stands below a clique stands together
+        values = np.zeros((path.size, 6, len(poses), parts.shape[1]))
+        values[path.at[poses[order]], :, np.arange(len(poses))] = np.swapaxes(parts[order], 1, 2)
+        spans = path.spans(poses[order], np.arange(len(poses)))
+        path.pull(values.reshape(6 * path.size, -1), spans, parts.shape[1])
+        return values.reshape(6 * path.size, len(poses), -1)[:, np.argsort(order)], path.cliques
 
-    def _known_rows(self, number: int) -> FloatArray:
-        """Rows `(6 k, 6 L)` of R^-1 of a clique, over the L poses of the cliques above it and of itself."""
-        if number not in self._known:
-            clique = self.cliques[number]
-            rows = np.hstack([clique.response @ self._above(clique), clique.remainder])
-            self._known.add(number, rows, rows.nbytes)
-        return self._known[number]
+    def with_ones(self, poses: Sequence[IntArray], ones: IntArray) -> list[FloatArray]:
+        """Covariances `(P, 6, 6)` of some poses with one: columns of the inverse, by two sparse substitutions.
 
-    def _above(self, clique: Clique) -> FloatArray:
-        """Rows `(6 w, 6 L)` of R^-1 of a clique's separator, over the poses of all cliques above it."""
-        if clique.parent < 0:
-            return np.zeros((0, 0))
-        length = self._known_rows(clique.parent).shape[1]
-        above = np.zeros((len(clique.separator), 6, length))
-        numbers = self.clique_of[clique.separator]
-        for number in np.unique(numbers).tolist():
-            there = numbers == number
-            rows = self._known_rows(number)
-            above[there, :, : rows.shape[1]] = rows.reshape(-1, 6, rows.shape[1])[self.slot[clique.separator[there]]]
-        return above.reshape(-1, length)
-
-    def with_one(self, poses: IntArray, one: int) -> FloatArray:
-        """Covariances `(P, 6, 6)` of poses with one pose: a column of the inverse, by two sparse substitutions."""
-        cliques = self.with_ancestors(np.append(poses, one))
-        at, ends = self._positions(cliques)
-        found = np.zeros((ends[-1], 6, 6))
-        found[at[one]] = np.eye(6)
-        above = set(self.with_ancestors(np.array([one])).tolist())
-        for number, end in zip(cliques[::-1].tolist(), ends[::-1].tolist(), strict=True):
-            if number in above:  # what a pose follows is pulled with it
-                clique = self.cliques[number]
-                own = found[end - len(clique.poses) : end]
-                found[at[clique.separator]] += (clique.response.T @ own.reshape(-1, 6)).reshape(-1, 6, 6)
-                own[:] = (clique.remainder.T @ own.reshape(-1, 6)).reshape(own.shape)
-        for number, end in zip(cliques.tolist(), ends.tolist(), strict=True):
-            clique = self.cliques[number]
-            own = found[end - len(clique.poses) : end]
-            moved = clique.remainder @ own.reshape(-1, 6) if number in above else 0.0
-            own[:] = (moved + clique.response @ found[at[clique.separator]].reshape(-1, 6)).reshape(own.shape)
-        return found[at[poses]]
+        Args:
+            poses: for each column those that are asked for; columns of neighbours better follow each other.
+            ones: `(G,)` pose of each column.
+        """
+        asked = np.concatenate([*poses, ones])
+        group = np.concatenate([np.repeat(np.arange(len(ones)), [len(own) for own in poses]), np.arange(len(ones))])
+        path = _Path.of(self, asked)
+        blocks = np.zeros((path.size, 6, len(ones), 6))
+        blocks[path.at[ones], :, np.arange(len(ones))] = np.eye(6)
+        columns, pulled = blocks.reshape(6 * path.size, -1), path.spans(ones, np.arange(len(ones)))
+        path.pull(columns, pulled, 6)
+        path.follow(columns, pulled, path.spans(asked, group), 6)
+        return [blocks[path.at[own], :, number] for number, own in enumerate(poses)]
 
     def near(self, n: IntArray, m: IntArray) -> tuple[FloatArray, FloatArray]:
         """Covariance `(K, 6, 6)` of each pose, and `(M, 6, 6)` of poses n with m: NaN where neither follows the other.
@@ -160,14 +119,91 @@ class SquareRoot:
         """How many poses cliques have."""
         return np.array([len(self.cliques[number].poses) for number in cliques.tolist()], np.int64)
 
-    def _poses(self, cliques: IntArray) -> IntArray:
-        return np.concatenate([self.cliques[number].poses for number in cliques.tolist()])
 
-    def _positions(self, cliques: IntArray) -> tuple[IntArray, IntArray]:
-        """Where each pose of some cliques stands among them (others: anywhere), and where each clique ends."""
-        poses, at = self._poses(cliques), np.empty(len(self.clique_of), np.int64)
-        at[poses] = np.arange(len(poses))
-        return at, np.cumsum(self.lengths(cliques))
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Some poses, and all in the cliques above them.
+
+    Args:
+        root: the whole.
+        cliques: increasing.
+        at: `(K,)` where each of the poses stands among them; others anywhere.
+    """
+
+    root: SquareRoot
+    cliques: IntArray
+    at: IntArray
+
+    @classmethod
+    def of(cls, root: SquareRoot, poses: IntArray) -> _Path:
+        cliques = root.with_ancestors(poses)
+        members = np.concatenate([root.cliques[number].poses for number in cliques.tolist()])
+        at = np.empty(len(root.clique_of), np.int64)
+        at[members] = np.arange(len(members))
+        return cls(root, cliques, at)
+
+    @cached_property
+    def ends(self) -> list[int]:
+        """Where each clique ends."""
+        ends: list[int] = np.cumsum(self.root.lengths(self.cliques)).tolist()
+        return ends
+
+    @property
+    def size(self) -> int:
+        """How many poses there are."""
+        return self.ends[-1]
+
+    def spans(self, poses: IntArray, columns: IntArray) -> list[tuple[int, int]]:
+        """For each clique the columns, from the first to that after the last, of poses in it and below it."""
+        number = {clique: n for n, clique in enumerate(self.cliques.tolist())}
+        own = np.searchsorted(self.cliques, self.root.clique_of[poses])
+        first, last = np.full(len(number), len(columns)), np.full(len(number), -1)
+        np.minimum.at(first, own, columns)
+        np.maximum.at(last, own, columns)
+        spans = list(zip(first.tolist(), (last + 1).tolist(), strict=True))
+        for n in reversed(range(len(spans))):
+            if (parent := self.root.cliques[int(self.cliques[n])].parent) >= 0:
+                above, below = spans[number[parent]], spans[n]
+                spans[number[parent]] = min(above[0], below[0]), max(above[1], below[1])
+        return spans
+
+    def pull(self, values: FloatArray, spans: Sequence[tuple[int, int]], width: int) -> None:
+        """In place, from `A` to `R^-T A`: what a pose follows is pulled with it.
+
+        Args:
+            values: `(6 C, ...)`, of which each column is `width` wide.
+            spans: columns of each clique that are not zero.
+            width: of a column.
+        """
+        for clique, own, columns in reversed(list(self._steps(spans, width))):
+            moved = values[own, columns]
+            values[self._rows(clique.separator), columns] += clique.response.T @ moved
+            moved[:] = clique.remainder.T @ moved
+
+    def follow(
+        self,
+        values: FloatArray,
+        pulled: Sequence[tuple[int, int]],
+        spans: Sequence[tuple[int, int]],
+        width: int,
+    ) -> None:
+        """In place, from `A` to `R^-1 A` in some columns of each clique; where they were not `pulled` they are zero."""
+        moving = [first < after for first, after in pulled]
+        for n, (clique, own, columns) in enumerate(self._steps(spans, width)):
+            following = clique.response @ values[self._rows(clique.separator), columns]
+            if moving[n]:
+                following += clique.remainder @ values[own, columns]
+            values[own, columns] = following
+
+    def _steps(self, spans: Sequence[tuple[int, int]], width: int) -> Iterator[tuple[Clique, slice, slice]]:
+        """Each clique from the root, its rows, and its columns."""
+        start = 0
+        for number, end, (first, after) in zip(self.cliques.tolist(), self.ends, spans, strict=True):
+            yield self.root.cliques[number], slice(6 * start, 6 * end), slice(width * first, width * max(first, after))
+            start = end
+
+    def _rows(self, poses: IntArray) -> IntArray:
+        return (6 * self.at[poses][:, None] + np.arange(6)).ravel()
 
 
 def _front(clique: Clique, above: IntArray, covariance: FloatArray) -> tuple[IntArray, FloatArray]:

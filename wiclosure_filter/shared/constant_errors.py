@@ -30,8 +30,6 @@ from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 _OF_PAIR = (BIAS, RANGE_SCALE, CLOCK, AZIMUTH_A, AZIMUTH_B)
 _SCALES = (SCALE_A, SCALE_B)
-# What readings of a log as a whole stand for (antennas mounted turned, ranges in feet): alignments of their own.
-_READ_OTHERWISE = (AZIMUTH_A, AZIMUTH_B, RANGE_SCALE)
 _SIZE = 6  # of every variable, as of a pose; what is more than a pair's five errors or a robot's scale moves nothing
 
 
@@ -41,7 +39,7 @@ class PriorErrors:
 
     Args:
         value: `(7,)` taken out of the links already.
-        sigma: `(7,)` of the prior; where the measurements tell nothing, that of a blunder: predictions are as wide.
+        sigma: `(7,)` of the prior; of a range bias of which the measurements tell nothing, that of a blunder.
     """
 
     value: FloatArray
@@ -52,9 +50,11 @@ def errors_of(alignment: FrameAlignment) -> PriorErrors | None:
     """What an alignment estimated, with what was known before; None where it did not."""
     if not alignment.calibration:
         return None
-    told = [one.told or number in _READ_OTHERWISE for number, one in enumerate(alignment.calibration)]
-    value, held, blunder = np.array([(e.value, e.held_sigma, e.blunder_sigma) for e in alignment.calibration]).T
-    return PriorErrors(value, np.where(told, held, blunder))
+    value, sigma = np.array([(one.value, one.held_sigma) for one in alignment.calibration]).T
+    bias = alignment.calibration[BIAS]
+    if not bias.told:  # an antenna delay that nobody calibrated moves b by as much, and no alignment stands for it
+        sigma[BIAS] = bias.blunder_sigma
+    return PriorErrors(value, sigma)
 
 
 def with_constant_errors(

@@ -28,6 +28,9 @@ from wiclosure.wiclosure_filter.search.pair_model import KeyframePlaces, PairMod
 from wiclosure.wiclosure_filter.shared.graph_nodes import GraphNodes
 from wiclosure.wiclosure_filter.shared.joint_optimum import JointOptimum
 from wiclosure.wiclosure_filter.shared.reach import Reach, meeting_stretches, near_enough
+from wiclosure.workers import batches
+
+_AT_ONCE = 32  # robots whose columns of the joint covariance are computed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +84,20 @@ class JointEstimate:
 
     def _of_middles(self, robot_a: str, robot_b: str) -> FloatArray:
         """`(12, 12)` covariance of the middle nodes of two robots, in the shared axes."""
-        return self.covariance.of_two(*(self.first[robot] + self.reach[robot].middle for robot in (robot_a, robot_b)))
+        return self.covariance.of_two(self._middle(robot_a), self._middle(robot_b))
 
     def may_meet(self, gate: Gate) -> set[tuple[str, str]]:
         """See `SharedEstimate`."""
         robots = list(self.nodes)
-        near = near_enough([self.reach[robot] for robot in robots], gate)
-        return {(robots[i], robots[j]) for i, j in zip(*np.nonzero(np.triu(near, 1)), strict=True)}
+        near = np.triu(near_enough([self.reach[robot] for robot in robots], gate), 1)
+        middles = np.array([self._middle(robot) for robot in robots])
+        for ranked in batches([self._number[robot] for robot in self._ranks], _AT_ONCE):
+            self.covariance.learn(middles[ranked], [middles[near[number]] for number in ranked])
+        return {(robots[i], robots[j]) for i, j in zip(*np.nonzero(near), strict=True)}
+
+    def _middle(self, robot: str) -> int:
+        """Number of the node that stands for a robot as a whole."""
+        return self.first[robot] + len(self.nodes[robot]) // 2
 
     def rank(self, robot: str) -> int:
         """See `SharedEstimate`."""
@@ -102,7 +112,13 @@ class JointEstimate:
     @cached_property
     def reach(self) -> dict[str, Reach]:
         """Each robot in the shared frame, without the others."""
-        return {robot: self._reach(robot) for robot in self._ranks}
+        found: dict[str, Reach] = {}
+        for robots in batches(list(self._ranks), _AT_ONCE):
+            middles = [self._middle(robot) - self.first[robot] for robot in robots]
+            of_each = self.covariance.about([self._number[robot] for robot in robots], middles)
+            for robot, middle, (own, with_middle) in zip(robots, middles, of_each, strict=True):
+                found[robot] = self._reach(robot, middle, own, with_middle)
+        return found
 
     def relative_poses(
         self, robot_a: str, index_a: IntArray, robot_b: str, index_b: IntArray
@@ -167,10 +183,8 @@ class JointEstimate:
         )
         return from_before + share[:, None] * (from_after - from_before)
 
-    def _reach(self, robot: str) -> Reach:
+    def _reach(self, robot: str, middle: int, own: FloatArray, with_middle: FloatArray) -> Reach:
         nodes = self.nodes[robot]
-        middle = len(nodes) // 2
-        own, with_middle = self.covariance.about(self._number[robot], middle)
         before, share = nodes.around_keyframes()
         after = np.minimum(before + 1, len(nodes) - 1)
         chord = nodes.position[before] + share[:, None] * (nodes.position[after] - nodes.position[before])

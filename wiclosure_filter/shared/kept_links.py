@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, IntArray, RadioLinks, Trajectory
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
-from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M
+from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M, independence
 from wiclosure.wiclosure_filter.links.links import Links
 
 # rad, where the antenna cannot tell the elevation: robots on the ground mostly see each other within 30 degrees.
@@ -56,6 +56,12 @@ class KeptLinks:
             return self
         rows = np.unique(np.linspace(0, len(self) - 1, most).round().astype(np.int64))
         return self.subset(rows)
+
+    def by_place(self, radius_m: float) -> KeptLinks:
+        """The same with those of one place counted as one, as an alignment counts them: repeats are no news."""
+        share = independence(self.links, radius_m)
+        links = replace(self.links, range_sigma_m=self.links.range_sigma_m / np.sqrt(share))
+        return KeptLinks(links, self.direction, self.direction_covariance / share[:, None, None])
 
     def for_graph(self, T_a_b: FloatArray, level: FloatArray, trajectories: Mapping[str, Trajectory]) -> RadioLinks:
         """The same between keyframes.

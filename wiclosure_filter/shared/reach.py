@@ -53,15 +53,13 @@ class Reach:
 
     Args:
         places: its keyframes.
-        middle: its node in the middle.
-        position: `(3,)` of that.
+        position: `(3,)` of its middle node.
         sigma_m: largest standard deviation of a node's position in the shared frame.
         turn: `(3, 3)` covariance of the middle node's rotation in the shared frame, rad^2.
         boxes: of leaves of the overlap search.
     """
 
     places: KeyframePlaces
-    middle: int
     position: FloatArray
     sigma_m: float
     turn: FloatArray
@@ -96,7 +94,7 @@ class Reach:
             np.maximum.reduceat(places.own_variance, starts),
         )
         sigma_m = float(_sigma(own[:, 3 : 3 + d, 3 : 3 + d]).max())
-        return cls(places, middle, nodes[middle], sigma_m, own[middle, :3, :3], boxes)
+        return cls(places, nodes[middle], sigma_m, own[middle, :3, :3], boxes)
 
 
 def near_enough(robots: list[Reach], gate: Gate) -> BoolArray:

@@ -150,6 +150,7 @@ def _joint(
 ) -> _Joined:
     """One estimate for each set of robots that the alignments connect."""
     kept, diagnosis = _thinned(kept, settings)
+    kept = {pair: own.by_place(prior.settings.radio.static_radius_m) for pair, own in kept.items()}
     alignments, left = dict(certain), list(trajectories)
     estimates: dict[tuple[str, str], SharedEstimate] = {}
     while left:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from wiclosure.pipeline.report.html.scene_data import MAP_POINTS, Placement, map
 from wiclosure.pipeline.report.html.tables_data import figure_tables
 from wiclosure.pipeline.report.html.verdict import headline_numbers, run_verdict
 from wiclosure.pipeline.report.html.versions import versions
-from wiclosure.pipeline.stages.run_result import RunResult
+from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.types import FloatArray, FrameAlignment
 
 
@@ -29,7 +30,7 @@ def run_data(result: RunResult) -> dict[str, Any]:
     placement = Placement.of(solution.graph.components, result.merged)
     keyframes = {robot: front.keyframes for robot, front in result.fronts.items()}
     began_ns = min(int(front.odometry.stamps_ns[0]) for front in result.fronts.values())
-    alignments = solution.filtered.alignments
+    alignments = alignments_with_reasons(solution)
     return {
         "name": solution.filtered.filter_name,
         "verdict": run_verdict(metrics, next_steps(result), doubts(solution)),
@@ -61,6 +62,18 @@ def run_data(result: RunResult) -> dict[str, Any]:
         "config": dump_config(result.config),
         "versions": versions(),
     }
+
+
+def alignments_with_reasons(solution: Solution) -> list[FrameAlignment]:
+    """Of all robots that measured each other, also where nothing was aligned by it; with all that is said of them."""
+    said = dict.fromkeys((*solution.doubts, *solution.contradictions))
+    left_out = (FrameAlignment(a, b, None, None, True, "") for a, b in solution.without_radio)
+    found = []
+    for one in (*solution.filtered.alignments, *left_out):
+        name = f"{one.robot_a} and {one.robot_b}: "
+        reasons = [one.reason, *(text.removeprefix(name) for text in said if text.startswith(name))]
+        found.append(replace(one, reason="; ".join(filter(None, reasons))))
+    return found
 
 
 def _truth_check(result: RunResult) -> TruthCheck:

@@ -197,3 +197,17 @@ def test_measurements_without_noise_written_with_six_digits_are_kept_whatever_th
     assert live(result).all()
     assert result.basis is not None
     assert (result.basis[1].factors >= 1e-3 * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_without_information_no_true_closure_is_lost(team_maker, seed):
+    """The identity for all: odometry is better than closures, and rotations are known far better than a radian."""
+    team, rng = team_maker(seed, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(seed)
+    pairs = [(a, b) for a in team.odometry for b in team.odometry if a <= b]
+    ends = [(a, b, int(i), int(j)) for a, b in pairs for i, j in rng.integers(0, 60, (40, 2))]
+    closures = [team.closure((a, i), (b, j), noise=rng) for a, b, i, j in ends if a != b or abs(i - j) > 5]
+    closures = [team.remeasured(c, covariance=np.eye(6)) for c in closures]
+    odometry = {r: replace(t, step_covariances=np.tile(np.eye(6), (59, 1, 1))) for r, t in team.odometry.items()}
+    found = pairwise_consistent(closures, odometry, PcmSettings(noise=EXACT, max_scale=10))
+    assert live(found).all()
+    assert 0.07 < found.scale < 0.13  # closures err by 0.1 m

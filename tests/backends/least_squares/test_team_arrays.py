@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.least_squares.variance_components import restated
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 ROBOTS = ("alpha", "beta", "gamma")
@@ -81,3 +84,22 @@ def test_poses_go_back_to_their_robots(team_maker):
 def test_the_step_is_the_distance_between_keyframes_and_not_between_nodes(team_maker, step_m):
     found = arrays(team_maker(4, step_m=step_m), [("alpha", 10, "beta", 50)])
     assert found.robots.step_m == pytest.approx(step_m, rel=0.05)
+
+
+def test_separate_factors_hold_for_what_is_stated_however_it_is_turned_or_chained(team_maker):
+    team, factors = team_maker(3, noise=1.0), np.array([0.1, 4.0])
+    closures = [team.closure(("alpha", 3 * n), ("beta", 50 - 2 * n)) for n in range(10)]
+    closures += [team.closure(("beta", 40 - n), ("alpha", n)) for n in range(5)]
+    closures += [team.closure(("beta", 30 + n), ("beta", n)) for n in range(5)]
+    stated = np.tile(np.eye(6), (59, 1, 1))
+
+    def arrays(times):
+        covariance, floor = restated(np.eye(6), times), ClosureNoise(translation_m=1e-9, rotation_rad=1e-9)
+        of_times = [team.remeasured(c, covariance=covariance) for c in closures]
+        odometry = {r: replace(t, step_covariances=restated(stated, times)) for r, t in team.odometry.items()}
+        sets, _ = closure_sets(of_times, odometry, floor)
+        return TeamArrays.of(odometry, sets, np.zeros(len(closures), bool)).robots
+
+    found, expected = arrays(1.0).scaled(factors), arrays(factors)
+    for one, other in ((found.odometry, expected.odometry), (found.loops, expected.loops)):
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6, atol=1e-8)

@@ -10,7 +10,14 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.pipeline.config import MutualCheckSettings
-from wiclosure.pipeline.mutual_check.map_check import AgainstMap, Contradiction, Fit, held_against, held_against_map
+from wiclosure.pipeline.mutual_check.map_check import (
+    AgainstMap,
+    Contradiction,
+    Fit,
+    MapOdds,
+    held_against,
+    held_against_map,
+)
 from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
@@ -173,3 +180,20 @@ def test_bearings_that_say_little_name_an_error_beside_exact_ranges(seed: int) -
     assert held_against_map(MERGED, closures, log, ALIGNMENT, SETTINGS).contradicted == {}
     contradicted = held_against_map(MERGED, closures, turned(-1, 0.0)(log), ALIGNMENT, SETTINGS).contradicted["a", "b"]
     assert "clockwise, not" in contradicted.causes[0].fault
+
+
+@pytest.mark.parametrize(("spoil", "verdict"), [(longer(1.0, 0.0), Fit), (longer(1.0, 3.0), Contradiction)])
+def test_a_log_is_cleared_and_accused_from_the_same_odds_on(
+    spoil: Callable[[WirelessLog], WirelessLog], verdict: type[Fit | Contradiction]
+) -> None:
+    log, pair = spoil(heard(2)), MergedPair(("a", "b"), MERGED, {"a": NEAR[:, 0], "b": NEAR[:, 1]}, ALIGNMENT)
+    log_odds = MapOdds.of(pair, log, SETTINGS).log_odds
+    assert (log_odds > 0) == (verdict is Contradiction)
+
+    def told(decisive: float) -> Contradiction | Fit:
+        return held_against(pair, log, SETTINGS.model_copy(update={"decisive_odds": float(np.exp(decisive))}))
+
+    just_decided = told(abs(log_odds) - 0.01)
+    assert isinstance(just_decided, Contradiction) or just_decided is Fit.GOOD
+    assert isinstance(just_decided, verdict)
+    assert told(abs(log_odds) + 0.01) is Fit.OPEN

@@ -9,7 +9,7 @@ from wiclosure import se3
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
 from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence, places
-from wiclosure.types import Closure, KeyframeId, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.types import Closure, KeyframeId, Stage, Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 
 S = 10**9
@@ -49,3 +49,15 @@ def test_a_set_is_likelier_the_more_others_it_shows_to_be_false_and_where_the_lo
 
     assert score(true, 0) > score(true, 4)
     assert score(true, 4) > score(elsewhere, 4) + np.log(settings.decisive_odds)
+
+
+def test_a_set_that_has_keyframes_near_which_registered_elsewhere_is_less_likely() -> None:
+    radio = PairRadio.of(("a", "b"), PATHS, WirelessLog(), AlignmentSettings())
+    here = [between(i, 58 - i) for i in (5, 20, 35, 50)]
+    apart_m = [float(np.linalg.norm(PATHS["a"].positions[i] - PATHS["b"].positions[64 - i])) for i in range(8, 60)]
+    near = [between(i + 8, 56 - i) for i, metres in enumerate(apart_m) if metres < 4.0]
+    elsewhere = [c.rejected(Stage.RADIO_CHECK, "lies elsewhere") for c in near]
+    missed = [SetEvidence.of(here, 0, radio, [*here, *elsewhere[:n]]).log_missed for n in (0, 2, len(elsewhere))]
+    assert missed[0] == 0
+    assert missed[2] < missed[1] <= 0
+    assert missed[2] == pytest.approx(3 * np.log(0.3))  # no more than three places count

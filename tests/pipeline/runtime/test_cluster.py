@@ -57,6 +57,11 @@ def test_what_an_item_lacks_is_raised_as_it_is(workers: Workers, labour: ModuleT
         dict(done)
 
 
+def test_workers_keep_memory_for_their_next_arrays(dask: Cluster) -> None:
+    setting = "MALLOC_TRIM_THRESHOLD_"
+    assert [value for _, value in dask.each(os.getenv, [setting])] == [os.getenv(setting)]
+
+
 def test_nothing_to_do_is_done(workers: Workers, labour: ModuleType) -> None:
     assert list(workers.each(labour.solve, [])) == []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from logging import getLogger
 from multiprocessing import active_children
 from pathlib import Path
 from threading import Thread
@@ -83,3 +84,9 @@ def test_interrupts_are_heard_again_afterwards() -> None:
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         os.kill(os.getpid(), signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_warnings_of_processes_are_shown_as_those_of_this_one(capfd: pytest.CaptureFixture[str]) -> None:
+    warn = getLogger("wiclosure.pipeline.runtime.cache").warning
+    assert dict(Processes(1).each(warn, ["odometry is not kept"])) == {0: None}
+    assert capfd.readouterr().err == "wiclosure: warning: odometry is not kept\n"

@@ -17,6 +17,22 @@ def test_sums_and_extremes_are_those_of_each_chain() -> None:
     np.testing.assert_array_equal(segments.largest(np.column_stack([values, 5 - values])), [5, 3, 5])
 
 
+def dense(chains: LinearChains, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix and right-hand side of one chain's blocks, and of its errors after them."""
+    first, end = chains.segments.ends[number : number + 2].tolist()
+    size = 4 * (end - first)
+    matrix = np.zeros((size + 7, size + 7))
+    for n, block in enumerate(range(first, end)):
+        own = slice(4 * n, 4 * n + 4)
+        matrix[own, own] = chains.diagonal[block]
+        matrix[own, size:] = chains.border[block]
+        if block + 1 < end:
+            matrix[own, 4 * n + 4 : 4 * n + 8] = chains.upper[block]
+    matrix[size:, size:] = chains.of_errors[number]
+    matrix = np.triu(matrix) + np.triu(matrix, 1).T
+    return matrix, np.concatenate([chains.gradient[first:end].ravel(), chains.gradient_of_errors[number]])
+
+
 def test_the_solution_is_that_of_each_chain_alone() -> None:
     rng, segments = np.random.default_rng(0), Segments.of([4, 2, 5])
     size = int(segments.ends[-1])
@@ -38,8 +54,10 @@ def test_the_solution_is_that_of_each_chain_alone() -> None:
     )
     blocks, errors = chains.solved()
     for number, (first, end) in enumerate(zip(segments.ends, segments.ends[1:], strict=False)):
-        system = chains.chain(number).system
-        expected_blocks, expected_errors = system.solved()
-        np.testing.assert_allclose(blocks[first:end].reshape(-1), expected_blocks, rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(errors[number], expected_errors, rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(chains.covariance_of_errors[number], system.covariance_of_errors(), rtol=1e-9)
+        matrix, right = dense(chains, number)
+        expected = np.linalg.solve(matrix, right)
+        np.testing.assert_allclose(blocks[first:end].reshape(-1), expected[:-7], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(errors[number], expected[-7:], rtol=1e-9, atol=1e-12)
+        covariance, system = np.linalg.inv(matrix), chains.chain(number).system
+        np.testing.assert_allclose(chains.covariance_of_errors[number], covariance[-7:, -7:], rtol=1e-9)
+        np.testing.assert_allclose(system.inverse, covariance, rtol=1e-9, atol=1e-12)

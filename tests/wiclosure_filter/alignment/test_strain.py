@@ -10,7 +10,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, follow_drift
+from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
 
@@ -30,11 +30,19 @@ def jumped(metres: float) -> Callable[[FloatArray], FloatArray]:
     return slipped
 
 
+def frames_of(rigid: RigidTransform) -> DriftingFrames:
+    (frames,) = follow_drifts([rigid])
+    assert frames is not None
+    return frames
+
+
 def followed(make_case: Callable[..., object], metres: float, heard: int = 30) -> DriftingFrames:
     case = make_case("reciprocal", heard=heard, drift=DRIFT, odometry_of_b=jumped(metres))
     mixture, drift = case.problem.anchored_at(heard // 2)
     rigid = climb(case.state[None], mixture, case.problem.prior).states[0]
-    return follow_drift(rigid, mixture, drift, case.problem.prior, case.problem.odometry, CalibrationPriors())
+    return frames_of(
+        RigidTransform(rigid, mixture, drift, case.problem.prior, case.problem.odometry, CalibrationPriors())
+    )
 
 
 def test_without_a_slip_nothing_is_bent(make_case: Callable[..., object]) -> None:
@@ -71,9 +79,8 @@ def test_what_is_determined_is_what_simulated_noise_bends(make_case: Callable[..
 
         case = make_case("reciprocal", heard=20, seed=seed, drift=DRIFT, odometry_of_b=noisy)
         mixture, drift = case.problem.anchored_at(10)
-        frames = follow_drift(
-            case.state, mixture, drift, case.problem.prior, case.problem.odometry, CalibrationPriors()
-        )
+        problem, calibration = case.problem, CalibrationPriors()
+        frames = frames_of(RigidTransform(case.state, mixture, drift, problem.prior, problem.odometry, calibration))
         squares.append(frames.strain.squared)
         determined.append(frames.strain.determined)
     assert 0.1 * np.mean(determined) < np.mean(squares) < np.mean(determined)

@@ -62,16 +62,19 @@ def test_blocks_are_those_of_the_inverse(links: list[tuple[int, int]]) -> None:
     turn = both(axes())
     whole = np.einsum("nij,njmk,mlk->niml", turn, inverse(graph), turn)
     got = JointCovariance(SquareRoot.of(Eliminated.of(graph)), FIRST, axes(), (ends[:, 0], ends[:, 1]))
-    for robot in range(3):
+    for robot, (alone, with_second) in enumerate(got.about(range(3), [1, 1, 1])):
         own = np.arange(FIRST[robot], FIRST[robot + 1])
-        alone, with_second = got.about(robot, 1)
         np.testing.assert_allclose(alone, whole[own, :, own], rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(with_second, whole[own, :, own[1]], rtol=1e-8, atol=1e-12)
     n, m = np.concatenate([[(0, 10), (5, 9), (5, 15), (8, 10)], ends]).T  # some that a factor joins
     for block, expected in zip(got.of_pairs(n, m), (whole[n, :, n], whole[n, :, m], whole[m, :, m]), strict=True):
         np.testing.assert_allclose(block, expected, rtol=1e-8, atol=1e-12)
-    two = whole[[3, 12]][:, :, [3, 12]].reshape(12, 12)
-    np.testing.assert_allclose(got.of_two(3, 12), two, rtol=1e-8, atol=1e-12)
+    for learned in (False, True):
+        if learned:
+            got.learn(np.array([12, 3]), [np.array([17]), np.array([15, 12])])
+        for pair in ([3, 12], [12, 17]):
+            two = whole[pair][:, :, pair].reshape(12, 12)
+            np.testing.assert_allclose(got.of_two(*pair), two, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(table(got, 0, 1)[2, 1], displacement(whole, 2, 10), rtol=1e-8)
     np.testing.assert_allclose(table(got, 1, 2)[6, 0], displacement(whole, 15, 16), rtol=1e-8)
 

@@ -5,15 +5,19 @@ from __future__ import annotations
 from wiclosure.wiclosure_filter.covariance.recent import Recent
 
 
-def test_what_is_used_now_stays_and_of_the_rest_what_was_used_last() -> None:
+def test_what_was_used_last_stays_as_far_as_it_fits() -> None:
     recent: Recent[str] = Recent(10)
-    for key in "abcd":
-        recent.add(key, key.upper(), 4)
-        recent.forget([key])
-    assert "b" not in recent
-    assert [recent[key] for key in "cd"] == ["C", "D"]
-    recent.add("e", "E", 40)
-    recent.forget(["e", "c"])  # more than fits, and needed now
-    assert "d" not in recent
-    assert recent["e"] == "E"
-    assert recent["c"] == "C"
+    computed = []
+
+    def asked(key: str, size: int) -> str:
+        def compute() -> tuple[str, int]:
+            computed.append(key)
+            return key.upper(), size
+
+        return recent.reuse(key, compute)
+
+    assert [asked(key, 4) for key in "abacaeba"] == list("ABACAEBA")
+    assert computed == list("abceba")
+    assert asked("d", 40) == asked("d", 40) == "D"  # more than fits, and needed now
+    assert asked("a", 4) == "A"
+    assert computed == list("abcebada")

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.covariance import square_root
 from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 
@@ -29,19 +27,18 @@ def cross(root: SquareRoot, a: np.ndarray, b: np.ndarray) -> FloatArray:
     return np.einsum("cni,cmj->nimj", *rows)
 
 
-@pytest.mark.parametrize("most_bytes", [1 << 29, 1])  # rows are kept, or computed again each time
-def test_rows_give_all_covariances_of_two_chains(most_bytes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(square_root, "MOST_BYTES", most_bytes)
+def test_rows_give_all_covariances_of_two_chains() -> None:
     root = SquareRoot.of(Eliminated.of(GRAPH))
     for a, b in ((0, 15), (5, 6), (0, 1), (9, 9)):
         n, m = (np.arange(FIRST[chain], FIRST[chain + 1]) for chain in (a, b))
         np.testing.assert_allclose(cross(root, n, m), INVERSE[n][:, :, m], rtol=1e-9, atol=1e-12)
 
 
-def test_a_column_is_that_of_the_inverse() -> None:
-    root, n = SquareRoot.of(Eliminated.of(GRAPH)), np.arange(FIRST[3], FIRST[4])
-    for one in (0, int(FIRST[3]) + 7, int(FIRST[-1]) - 1):
-        np.testing.assert_allclose(root.with_one(n, one), INVERSE[n, :, one], rtol=1e-9, atol=1e-12)
+def test_columns_are_those_of_the_inverse() -> None:
+    root, ones = SquareRoot.of(Eliminated.of(GRAPH)), np.array([0, FIRST[3] + 7, FIRST[-1] - 1, 0])
+    asked = [np.arange(FIRST[3], FIRST[4]), np.arange(FIRST[-1]), np.array([FIRST[-1] - 1]), np.zeros(0, np.int64)]
+    for poses, one, found in zip(asked, ones, root.with_ones(asked, ones), strict=True):
+        np.testing.assert_allclose(found, INVERSE[poses, :, one], rtol=1e-9, atol=1e-12)
 
 
 def test_chains_have_their_own_blocks_and_those_of_neighbours() -> None:

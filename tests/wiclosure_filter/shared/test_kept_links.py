@@ -29,6 +29,13 @@ def kept_of(*paths: AoaPath, chosen: int = 0, range_m: float = 5.0, receiver: st
     return KeptLinks.of(AlignmentHypothesis(T_WORLD_B, 0.0, tuple((k, chosen) for k in range(count))), links)
 
 
+def test_repeats_at_one_place_count_as_one_measurement() -> None:
+    paths = (AoaPath(TRUE, 0.2),)
+    one, five = kept_of(*paths), kept_of(*paths, count=5).by_place(1.0)
+    assert (five.links.range_sigma_m**-2).sum() == pytest.approx(0.5**-2)
+    np.testing.assert_allclose(five.direction_covariance, 5 * np.repeat(one.direction_covariance, 5, axis=0))
+
+
 def test_the_direction_is_that_of_the_chosen_path() -> None:
     kept = kept_of(AoaPath(1.0, 0.1), AoaPath(TRUE, 0.2), chosen=1)
     np.testing.assert_allclose(kept.direction, [[0.6, 0.8, 0.0]])

@@ -44,3 +44,24 @@ def test_another_frame_of_the_truth_draws_the_same(run_of):
     for found, expected in zip(moved["robots"], run_data(run)["robots"], strict=True):
         np.testing.assert_allclose(unpacked_array(found["truth"]), unpacked_array(expected["truth"]), atol=0.02)
         np.testing.assert_allclose(unpacked_array(found["truth"]), unpacked_array(found["merged"]), atol=0.02)
+
+
+def test_robots_that_go_on_without_radio_have_their_measurements_and_the_reason_on_the_page(run_of):
+    run = run_of()
+    (one,) = [a for a in run.solution.filtered.alignments if (a.robot_a, a.robot_b) == ("alpha", "beta")]
+    why = "alpha and beta: the radio is the likely fault (46 to 1)"
+    left_out = replace(
+        run.solution,
+        filtered=replace(run.solution.filtered, alignments=()),
+        contradictions=(why, "alpha and gamma: something else"),
+        without_radio=(("alpha", "beta"),),
+    )
+    (pair,) = run_data(replace(run, solution=left_out))["radio"]
+    assert not pair["certain"]
+    assert pair["reason"] == "the radio is the likely fault (46 to 1)"
+    heard = [m for m in run.inputs.wireless.measurements if {m.receiver, m.transmitter} == {"alpha", "beta"}]
+    assert pair["measured"] == len(heard) > 0
+    assert np.isfinite(unpacked_array(pair["estimate"])).all()
+    still_used = replace(run.solution, contradictions=(why,))
+    reasons = [pair["reason"] for pair in run_data(replace(run, solution=still_used))["radio"]]
+    assert f"{one.reason}; the radio is the likely fault (46 to 1)" in reasons
