@@ -88,7 +88,7 @@ def agreeing(closures: int) -> str:
 
 def _sentence(pair: Pair, weighed: Weighed, found: str, by_map: Contradiction | None) -> str:
     odds = in_words(weighed.log_odds)
-    fault = f"most likely: {weighed.cause or 'for no known reason'}"
+    fault = f"most likely: {weighed.cause}" if weighed.cause else "for no known reason"
     if by_map is not None and by_map.causes:
         odds = odds if weighed.verdict is Verdict.UNDECIDED else by_map.odds
         fault = f"by where the merged map has the robots: {by_map.likely}"

@@ -123,6 +123,8 @@ def test_where_nothing_decides_the_robots_go_on_without_radio_and_the_map_is_in_
     assert check.drops_radio
     (one,) = said("", [check], TOO_LONG)
     assert "nothing decides (3 to 1)" in one
+    nameless = replace(undecided(), weighed=Weighed(Verdict.UNDECIDED, 1.0, ""))
+    assert "the radio may be at fault, for no known reason, or the places look alike" in nameless.sentence
     joined = accepted("b", "a")
     assert in_doubt([one, f"a and b: {TOO_LONG}", one.replace("a and b", "a and c")], [joined]) == (one,)
     assert in_doubt([one], [accepted("a", "c")]) == ()
