@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
+from wiclosure.blas import one_blas_thread
 from wiclosure.errors import ConfigError
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config, load_config
@@ -25,6 +26,7 @@ from wiclosure.types import WirelessLog
 PathLike: TypeAlias = str | Path
 
 
+@one_blas_thread
 def run(
     data: PathLike | Mapping[str, PathLike],
     *,

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.blas import one_blas_thread
 from wiclosure.types import (
     CandidatePairs,
     ClosureCheck,
@@ -59,6 +60,7 @@ class WiClosureFilter:
         self._trajectories: dict[str, Trajectory] = {}
         self._wireless = WirelessLog()
 
+    @one_blas_thread
     def candidates(self, trajectories: Mapping[str, Trajectory], wireless: WirelessLog) -> FilterResult:
         """Kept pairs of all pairs of robots; see `wiclosure.interfaces.CandidateFilter`.
 
@@ -97,6 +99,7 @@ class WiClosureFilter:
             checks=checks,
         )
 
+    @one_blas_thread
     def update(self, new_keyframes: Mapping[str, Trajectory], new_wireless: WirelessLog) -> FilterResult:
         """Takes in what is new since the last call; the pairs of all that is known by now.
 

@@ -17,6 +17,7 @@ from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
+from wiclosure.blas import one_blas_thread
 from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
 _ONE_PLACE = 2  # closures that agree by being of the same place
@@ -98,6 +99,7 @@ class PcmResult:
         return [sets for sets in alike if len(sets) > 1]
 
 
+@one_blas_thread
 def pairwise_consistent(
     closures: Sequence[Closure],
     trajectories: Mapping[str, Trajectory],

@@ -28,6 +28,7 @@ from wiclosure.backends.factor_graph.factors import (
     with_factors,
 )
 from wiclosure.backends.factor_graph.radio_factors import radio_factors
+from wiclosure.blas import one_blas_thread
 from wiclosure.display import listed
 from wiclosure.errors import InputError
 from wiclosure.types import BoolArray, Closure, EarthMeasurements, FloatArray, RadioLinks, Residual, Stage, Trajectory
@@ -48,6 +49,7 @@ class _Estimate:
     ground: Ground = field(default_factory=Ground)
 
 
+@one_blas_thread
 def optimise(
     trajectories: Mapping[str, Trajectory],
     closures: Sequence[Closure],

@@ -20,6 +20,7 @@ from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.backends.factor_graph.earth_factors import Ground
 from wiclosure.backends.factor_graph.factors import Keys, closure_factors, odometry_factors, with_factors
 from wiclosure.backends.least_squares.edges import degrees_of_freedom
+from wiclosure.blas import one_blas_thread
 from wiclosure.types import Closure, EarthMeasurements, FloatArray, Stage, Trajectory, measured_poses
 
 
@@ -60,6 +61,7 @@ class StreamingBackEnd:
         estimate, size = self._isam.calculateEstimate(), len(self._odometry[robot])
         return np.stack([estimate.atPose3(self._keys(robot, n)).matrix() for n in range(size)])
 
+    @one_blas_thread
     def result(self) -> GraphResult:
         """The batch estimate over all closures so far, every decision taken anew."""
         return self._batch()
@@ -68,6 +70,7 @@ class StreamingBackEnd:
         closures = self._consistency.result().closures
         return optimise(self._odometry, closures, self._settings, earth=self._earth)
 
+    @one_blas_thread
     def extend(self, trajectories: Mapping[str, Trajectory], earth: EarthMeasurements | None = None) -> None:
         """Takes new keyframes in.
 
@@ -94,6 +97,7 @@ class StreamingBackEnd:
             graph.push_back(with_factors(gtsam.NonlinearFactorGraph(), new))
         self._isam.update(graph, values)
 
+    @one_blas_thread
     def add(self, closures: Sequence[Closure]) -> None:
         """Takes new closures in, and takes back what they show to be wrong.
 

@@ -15,6 +15,7 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from wiclosure import __version__
+from wiclosure.blas import one_blas_thread_from_here
 from wiclosure.errors import WiclosureError, printable
 from wiclosure.pipeline.cli import cache as cache_command
 from wiclosure.pipeline.cli import compare as compare_commands
@@ -99,8 +100,7 @@ def main() -> None:
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
     _suit_terminal()
-    # Matrices here are small: more BLAS threads than one only wait for each other, up to five times longer in all.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    one_blas_thread_from_here()
     _Interruption.listen()
     try:
         code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0

@@ -15,6 +15,7 @@ from multiprocessing.synchronize import Event
 from threading import Thread
 from typing import Any, TypeVar
 
+from wiclosure.blas import one_blas_thread_from_here
 from wiclosure.errors import ProcessError
 from wiclosure.pipeline.runtime.log import warnings_on_terminal
 from wiclosure.workers import ThisProcess, Workers, at_work
@@ -147,6 +148,7 @@ _FOR_LIFE = ExitStack()
 
 def _begin(unwanted: Event, news: SimpleQueue[tuple[Any, ...]]) -> None:
     """What a fresh process does before any work."""
+    one_blas_thread_from_here()
     Thread(target=_follow_parent, daemon=True).start()
     _FOR_LIFE.enter_context(warnings_on_terminal())
     _FOR_LIFE.enter_context(at_work(told=lambda *heard: news.put(heard), wanted=lambda: not unwanted.is_set()))
