@@ -26,7 +26,7 @@ CHECKED = 0.05  # share of an edge's variance that its residual shows: with less
 MU_GROWTH = 1.4  # of mu
 MOST_GNC_STEPS = 150
 NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
-CHECK_ROUNDS = 6
+CHECK_ROUNDS = 12
 EDGES_AT_ONCE = 1024  # bounds memory
 FEW_STEPS = 5  # of Levenberg-Marquardt, in which an estimate without gross outliers converges
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
@@ -187,7 +187,8 @@ def settle(
         locked += drop
         kept, converged = (kept & ~drop) | admit, not drop.any()  # what bent the estimate may have led it astray
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
-    found[rows], mask[rows] = of_loops, kept & (of_loops <= bound)
+    predicted = kept | ((locked < 2) & (rounds > 1))  # where rounds ended early, some are not admitted yet
+    found[rows], mask[rows] = of_loops, predicted & (of_loops <= bound)
     used = np.concatenate([np.ones(count, bool), kept])
     components = VarianceComponents.of(check.residuals[used], check.expected[used], degrees)
     redundant = check.distance[used & (check.expected.mean(axis=1) > CHECKED)]

@@ -190,15 +190,16 @@ def file_identity(path: Path) -> list[object]:
 
 
 def _digest(stage: str, depends_on: object) -> str:
-    libraries = {name: _version(name) for name in _LIBRARIES}
+    libraries = {name: library_version(name) for name in _LIBRARIES}
     text = json.dumps([stage, depends_on, libraries, code_digest(_FRONT_END_CODE)], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-def _version(library: str) -> str:
+def library_version(library: str) -> str:
+    """The installed version; empty where it is not installed."""
     try:
         return version(library)
-    except PackageNotFoundError:  # an optional one
+    except PackageNotFoundError:
         return ""
 
 

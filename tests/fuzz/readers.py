@@ -34,7 +34,7 @@ from wiclosure.pipeline.runtime.settings_text import nested_words
 from wiclosure.pipeline.sources.info import recording_info
 from wiclosure.pipeline.sources.navigation.tables import read_gnss_table, read_imu_table
 from wiclosure.pipeline.sources.open import open_source
-from wiclosure.pipeline.sources.poses.pose_topics import read_odometry_topic
+from wiclosure.pipeline.sources.poses.pose_topics import read_pose_topic
 from wiclosure.pipeline.sources.wireless_topics import read_wireless_topics
 from wiclosure.pipeline.stages import registration_store
 from wiclosure.pipeline.stages.registrations import Registered, Start
@@ -393,7 +393,7 @@ def of_path(name: str) -> Callable[[Path], Numbers]:
 
 
 def of_odometry_topic(folder: Path) -> Numbers:
-    return of_trajectory(read_odometry_topic(folder / "o.bag", "/odom", "alpha"))
+    return of_trajectory(read_pose_topic(folder / "o.bag", "/odom", "alpha").trajectory)
 
 
 def of_log(log: WirelessLog) -> Numbers:

@@ -21,15 +21,9 @@ from wiclosure import (
 from wiclosure.pipeline import api
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
 
+from .walled_room import room
+
 HEARD = WirelessMeasurement(1_200_000_000, "alpha", "beta", range_m=3.0, range_sigma_m=0.5)
-
-
-def room(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    points = rng.uniform(-1, 1, (3000, 3)) * [10, 8, 3]
-    wall = rng.integers(0, 3, len(points))
-    points[np.arange(len(points)), wall] = np.sign(points[np.arange(len(points)), wall]) * np.array([10, 8, 3])[wall]
-    return points
 
 
 @pytest.fixture

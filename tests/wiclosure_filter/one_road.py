@@ -29,3 +29,13 @@ def ranges(world: dict[str, Trajectory]) -> WirelessLog:
             for stamp in world["beta"].stamps_ns[::4]
         )
     )
+
+
+def winding_road(seed: int, size: int = 150, step_m: float = 2.0) -> np.ndarray:
+    """Poses that begin at the identity and wind about in the plane."""
+    rng = np.random.default_rng(seed)
+    turn = np.repeat(rng.normal(0, 0.1, size // 10 + 1), 10)[: size - 1]
+    poses = [np.eye(4)]
+    for angle in turn:
+        poses.append(poses[-1] @ se3.from_yaw(angle, np.array([step_m, 0.0, 0.0])))
+    return np.array(poses)

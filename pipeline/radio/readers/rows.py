@@ -7,13 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 Values: TypeAlias = Mapping[str, Any]
-"""Raw values by the key of `RadioSource` whose field they come from."""
-
-FIELDS = (
-    "stamp", "from", "to", "range", "range_sigma", "range_variance", "range_low", "range_high", "valid", "azimuth",
-    "elevation", "bearing_sigma", "x", "y", "z",
-)  # fmt: skip
-"""Keys that rows may have."""
+"""Raw values by the key of `RadioSource` whose field they come from; `range_low` and `range_high` are its limits."""
 
 
 @dataclass(frozen=True, slots=True)

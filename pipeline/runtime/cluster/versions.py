@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import PackageNotFoundError, version
 from typing import TypeAlias
 
-from wiclosure.pipeline.runtime.cache import code_digest
+from wiclosure.pipeline.runtime.cache import code_digest, library_version
 from wiclosure.version import __version__
 
 VersionsOf: TypeAlias = dict[str, str]
@@ -21,12 +20,5 @@ def versions() -> VersionsOf:
     return {
         "Python": ".".join(platform.python_version_tuple()[:2]),
         "wiclosure": f"{__version__} (code {code_digest(own)[:8]})",
-        **{library: _version(library) for library in _LIBRARIES},
+        **{library: library_version(library) for library in _LIBRARIES},
     }
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return ""

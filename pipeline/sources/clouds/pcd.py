@@ -137,7 +137,7 @@ def _header(path: Path, raw: bytes) -> tuple[_Header, int]:
 
 
 def _parsed(path: Path, entries: dict[str, list[str]]) -> _Header:
-    names = entries.get("FIELDS") or entries["COLUMNS"]
+    names = entries["FIELDS" if "COLUMNS" not in entries else "COLUMNS"]  # which old files have
     sizes, kinds = [int(word) for word in entries["SIZE"]], [word.upper() for word in entries["TYPE"]]
     counts = [int(word) for word in entries.get("COUNT", ["1"] * len(names))]
     if not len(names) == len(sizes) == len(kinds) == len(counts):

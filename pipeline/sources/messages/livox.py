@@ -12,6 +12,7 @@ Point by point through rosbags, a scan of 20,000 would take longer than odometry
 
 from __future__ import annotations
 
+import logging
 import struct
 
 import numpy as np
@@ -21,6 +22,8 @@ from wiclosure.pipeline.sources.messages.pointcloud2 import are_returns
 from wiclosure.pipeline.sources.messages.ros_types import Encoding
 from wiclosure.pipeline.sources.messages.timed_scans import TimedScans
 from wiclosure.types import Scan
+
+logger = logging.getLogger(__name__)
 
 LIVOX_TYPES = (
     "livox_ros_driver/msg/CustomMsg",
@@ -48,7 +51,8 @@ class LivoxDecoder:
     """
 
     def __init__(self, place: str = "") -> None:
-        self._scan = TimedScans(place, ns_per_unit=1)
+        self._place, self._scan = place, TimedScans(place, ns_per_unit=1)
+        self._is_untimed_said = False
 
     def decode(self, raw: bytes, encoding: Encoding, stamp_ns: int) -> Scan:
         """The returns of one serialised message.
@@ -65,6 +69,9 @@ class LivoxDecoder:
         for column, axis in enumerate("xyz"):
             positions[:, column] = returns[axis]
         times = returns["offset_time"].astype(np.int64)
+        if len(times) > 1 and times.min() == times.max() and not self._is_untimed_said:
+            logger.warning("%s: offset_time is the same for all points: the scans are not deskewed", self._place)
+            self._is_untimed_said = True
         return self._scan(stamp_ns, positions, times, returns["reflectivity"])
 
 

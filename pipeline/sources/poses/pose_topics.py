@@ -184,11 +184,6 @@ def only_pose_topic(path: Path, *, salvage: bool = False) -> str:
     return chosen[0].name
 
 
-def read_odometry_topic(path: Path, topic: str, robot: str, *, salvage: bool = False) -> Trajectory:
-    """The trajectory of `read_pose_topic` alone."""
-    return read_pose_topic(path, topic, robot, salvage=salvage).trajectory
-
-
 def _topic_and_frames(topic: str) -> tuple[str, tuple[str, str] | None]:
     name, _, frames = topic.partition(" ")
     parent, arrow, child = frames.partition("->")

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings
-from wiclosure.backends.consistency.own_loops import by_all_own_loops
-from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.consistency.own_loops import OwnLoops, by_all_own_loops
+from wiclosure.backends.consistency.pcm import merge_settings, pairwise_consistent
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.types import Closure, KeyframeId, Trajectory
 
@@ -74,3 +74,18 @@ def test_a_wrong_minimum_that_odometry_leads_to_is_left(seed):
     robots = TeamArrays.of(odometry, sets, np.zeros(len(closures), bool)).robots
     settled = by_all_own_loops(robots)
     assert np.nanmean(settled.redundant) == pytest.approx(6.0, rel=0.2)
+
+
+@pytest.mark.parametrize("false", [0, 60])
+def test_where_most_own_loops_are_false_those_that_agree_are_kept_alone(team_maker, false):
+    """Nothing is estimated from all of them where some stand alone against odometry."""
+    rng, team = np.random.default_rng(7), team_maker(7, ("alpha",), noise=1.0)
+    ends = np.stack([rng.integers(0, 25, 20), rng.integers(30, 60, 20)], axis=1).tolist()
+    closures = [team.closure(("alpha", i), ("alpha", j), noise=rng) for i, j in ends]
+    for i, j in np.stack([rng.integers(0, 25, false), rng.integers(30, 60, false)], axis=1).tolist():
+        closures.append(team.false_closure(("alpha", i), ("alpha", j), rng))
+    sets, _ = closure_sets(closures, team.odometry, EXACT)
+    arrays = TeamArrays.of(team.odometry, sets, np.zeros(len(closures), bool))
+    own = OwnLoops(arrays.robots, merge_settings(PcmSettings(noise=EXACT)))
+    assert (own.all is None) == (false > 0)
+    np.testing.assert_array_equal(own.inliers(1.0).inlier, arrays.rows < 20)

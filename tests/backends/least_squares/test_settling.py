@@ -187,3 +187,19 @@ def test_the_limit_makes_the_fewest_errors_of_closures_as_drawn():
 
     assert errors(bound) <= 1.5 * min(errors(at) for at in np.linspace(5.0, 45.0, 81))
     assert errors(bound) < 0.5 * errors(limit)
+
+
+def test_what_the_others_predict_is_an_inlier_even_where_rounds_end_early():
+    """Outliers of very different sizes are dropped one round after another, before anything is admitted."""
+    poses = se3.from_yaw(np.zeros(9), np.arange(9.0)[:, None] * [1.0, 0.0, 0.0])
+    steps = Edges(
+        np.arange(8), np.arange(1, 9), se3.between(poses[:-1], poses[1:]), np.tile(1e-6 * np.eye(6), (8, 1, 1))
+    )
+    first, second = np.zeros(6, np.int64), np.arange(3, 9)
+    T = se3.between(poses[first], poses[second])
+    T[1:, 1, 3] += 10.0 * 3.0 ** np.arange(5)
+    loops = Edges(first, second, T, np.tile(np.eye(6), (6, 1, 1)))
+    inlier, everyone = np.arange(6) > 0, np.ones(6, bool)
+    for rounds in (3, 12):
+        found = settle(steps, loops, inlier, everyone, poses, np.array([0]), 40.0, rounds)
+        assert found.inlier.tolist() == [True] + [False] * 5

@@ -19,14 +19,7 @@ import yaml
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros1_bag, write_ros2_bag
 from wiclosure.types import Scan
 
-
-def room(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    points = rng.uniform(-1, 1, (3000, 3)) * [10, 8, 3]
-    wall = rng.integers(0, 3, len(points))
-    points[np.arange(len(points)), wall] = np.sign(points[np.arange(len(points)), wall]) * np.array([10, 8, 3])[wall]
-    return points
-
+from ..walled_room import room  # noqa: TID252  -- test folders are no packages
 
 SCANS = [Scan(10**9 + k * 10**8, room(k)) for k in range(6)]
 OTHER = [Scan(10**9 + k * 10**8, room(100 + k)) for k in range(6)]

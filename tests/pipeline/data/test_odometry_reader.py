@@ -27,7 +27,7 @@ from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.sources.messages.pointcloud2_encoder import encode_scan
 from wiclosure.pipeline.sources.messages.ros_types import POINT_CLOUD_TYPE, Encoding, serialize, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
-from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE, read_odometry_topic
+from wiclosure.pipeline.sources.poses.pose_topics import ODOMETRY_TYPE, read_pose_topic
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
 from wiclosure.types import FloatArray, Scan, Trajectory
 
@@ -201,7 +201,7 @@ def test_messages_that_repeat_are_left_out(tmp_path: Path) -> None:
         stamps_ns, poses = way.stamps_ns[order], way.poses[order]
 
     write_bag(tmp_path / "two.bag", scans, Repeated(), "ros1")  # type: ignore[arg-type]  # no Trajectory may repeat a stamp
-    found = read_odometry_topic(tmp_path / "two.bag", "/odom", "alpha")
+    found = read_pose_topic(tmp_path / "two.bag", "/odom", "alpha").trajectory
     np.testing.assert_array_equal(found.stamps_ns, way.stamps_ns[:5])
 
 

@@ -10,15 +10,7 @@ from scipy.stats import chi2, ncx2
 
 from wiclosure.wiclosure_filter.search.ball_probability import principal_axes, probability_within
 
-
-def random_gaussians(seed: int, count: int, d: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Means up to three radii away, standard deviations from a thousandth of the radius to ten radii."""
-    rng = np.random.default_rng(seed)
-    axes = np.linalg.qr(rng.normal(size=(count, d, d)))[0]
-    sigma = radius * 10 ** rng.uniform(-3, 1, (count, d))
-    mean = rng.normal(size=(count, d))
-    mean *= (radius * rng.uniform(0, 3, count) / np.linalg.norm(mean, axis=1))[:, None]
-    return mean, axes * (sigma**2)[:, None, :] @ np.swapaxes(axes, 1, 2)
+from .random_places import random_gaussians
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -21,18 +21,10 @@ from wiclosure.wiclosure_filter.shared.graph_nodes import (
 )
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
+from ..one_road import winding_road  # noqa: TID252  -- test folders are no packages
+
 DRIFT = DriftModel(translation_walk=0.05, rotation_walk=0.001, rotation_walk_turning=0.003)
 NO_LINKS = (np.zeros(0, np.int64), np.zeros((0, 3)))
-
-
-def winding_road(seed: int, size: int = 150, step_m: float = 2.0) -> np.ndarray:
-    """Poses that begin at the identity and wind about in the plane."""
-    rng = np.random.default_rng(seed)
-    turn = np.repeat(rng.normal(0, 0.1, size // 10 + 1), 10)[: size - 1]
-    poses = [np.eye(4)]
-    for angle in turn:
-        poses.append(poses[-1] @ se3.from_yaw(angle, np.array([step_m, 0.0, 0.0])))
-    return np.array(poses)
 
 
 def straight(size: int = 121, drift: DriftModel = DRIFT) -> Trajectory:

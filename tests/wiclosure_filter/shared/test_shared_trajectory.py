@@ -22,22 +22,14 @@ from wiclosure.wiclosure_filter.config import AlignmentSettings, FilterSettings,
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.shared.shared_trajectory import SharedTrajectory
 
+from ..one_road import winding_road  # noqa: TID252  -- test folders are no packages
+
 TRUE_FRAMES = {
     "alpha": se3.from_yaw(0.0, np.zeros(3)),
     "beta": se3.from_yaw(1.1, np.array([40.0, -20.0, 2.0])),
     "gamma": se3.from_yaw(-2.0, np.array([-30.0, 50.0, -1.0])),
 }
 DRIFT = DriftModel(translation_walk=0.05, rotation_walk=0.001, rotation_walk_turning=0.003)
-
-
-def winding_road(seed: int, size: int = 150, step_m: float = 2.0) -> np.ndarray:
-    """Poses that begin at the identity and wind about in the plane."""
-    rng = np.random.default_rng(seed)
-    turn = np.repeat(rng.normal(0, 0.1, size // 10 + 1), 10)[: size - 1]
-    poses = [np.eye(4)]
-    for angle in turn:
-        poses.append(poses[-1] @ se3.from_yaw(angle, np.array([step_m, 0.0, 0.0])))
-    return np.array(poses)
 
 
 def team(seed: int, robots: list[str]) -> tuple[dict[str, Trajectory], dict[str, Trajectory]]:

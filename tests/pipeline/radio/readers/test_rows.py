@@ -4,14 +4,7 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from wiclosure.pipeline.radio.readers.rows import FIELDS, ReceivedAt, Row
-from wiclosure.pipeline.radio.source import keys
-
-
-def test_rows_have_keys_of_the_source_and_the_limits():
-    """`range_limits` of the source is two fields of a row."""
-    assert len(set(FIELDS)) == len(FIELDS)
-    assert set(FIELDS) - set(keys()) == {"range_low", "range_high"}
+from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Row
 
 
 def test_a_row_is_readable_unless_it_names_a_problem():

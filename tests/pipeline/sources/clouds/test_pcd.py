@@ -78,6 +78,7 @@ def test_windows_line_ends_lower_case_and_no_count(tmp_path: Path) -> None:
     ("old", "new", "says"),
     [
         (b"FIELDS x y z", b"FIELDS a y z", "no field 'x'"),
+        (b"FIELDS", b"FELDS", "no proper PCD header .'FIELDS'"),
         (b"SIZE 4", b"SIZE 3", "unknown type F3"),
         (b"POINTS 50", b"POINTS 99999999999", "cut short"),
         (b"POINTS 50", b"POINTS -1", "negative"),

@@ -24,7 +24,9 @@ MESSAGE = (
 STAMP_NS = 1_700_000_000_123_456_789
 
 
-def message(package: str, ros: str, frame: str = "livox_frame", count: int = 50) -> tuple[Any, bytes, np.ndarray]:
+def message(
+    package: str, ros: str, frame: str = "livox_frame", count: int = 50, step_ns: int = 400_000
+) -> tuple[Any, bytes, np.ndarray]:
     """The type store, the serialised message, and what is in it."""
     store = get_typestore(Stores.ROS1_NOETIC if ros == "ros1" else Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(POINT, f"{package}/msg/CustomPoint"))
@@ -32,7 +34,7 @@ def message(package: str, ros: str, frame: str = "livox_frame", count: int = 50)
     rows = np.random.default_rng(count).uniform(1, 50, (count, 3)).astype(np.float32)
     rows[3:5] = 0  # no return
     point, types = store.types[f"{package}/msg/CustomPoint"], store.types
-    points = [point(k * 400_000, *map(float, row), k, 16, k % 6) for k, row in enumerate(rows)]
+    points = [point(k * step_ns, *map(float, row), k, 16, k % 6) for k, row in enumerate(rows)]
     stamp = types["builtin_interfaces/msg/Time"](sec=STAMP_NS // 10**9, nanosec=STAMP_NS % 10**9)
     header = types["std_msgs/msg/Header"](**({"seq": 0} if ros == "ros1" else {}), stamp=stamp, frame_id=frame)
     made = types[f"{package}/msg/CustomMsg"](header, STAMP_NS, count, 1, np.zeros(3, np.uint8), points)
@@ -50,6 +52,14 @@ def test_points_times_and_reflectivity(ros: Any, frame: str) -> None:
     np.testing.assert_array_equal(scan.points, rows[kept])
     np.testing.assert_allclose(scan.times, kept * 4e-4, atol=1e-12)
     np.testing.assert_array_equal(scan.intensity, kept)
+
+
+def test_points_that_a_simulator_did_not_time_are_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    _, raw, _ = message("livox_ros_driver2", "cdr", step_ns=0)
+    decoder = LivoxDecoder("a.mcap")
+    for _ in range(2):
+        decoder.decode(raw, "cdr", STAMP_NS)
+    assert caplog.messages == ["a.mcap: offset_time is the same for all points: the scans are not deskewed"]
 
 
 @pytest.mark.parametrize("package", ["livox_ros_driver", "livox_ros_driver2"])
