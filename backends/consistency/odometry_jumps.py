@@ -8,8 +8,8 @@ robot to another, what was accepted before stays, and no other robot's jump expl
 
 from __future__ import annotations
 
-from copy import copy
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
