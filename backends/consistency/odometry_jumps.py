@@ -8,7 +8,7 @@ robot to another, what was accepted before stays, and no other robot's jump expl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,11 @@ from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
-from wiclosure.types import FloatArray, IntArray
+from wiclosure.types import FloatArray, IntArray, Trajectory
+
+WITNESSES = (
+    2  # robots, itself among them, that closures at either part are with: one's may be of a place that looks alike
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,25 +50,30 @@ class OdometryJump:
 
     Args:
         robot: its name.
-        before, index: keyframes; the step to `index` is the one that is loosened, of those between the two.
-        error: `(6,)` tangent vector from what odometry says of these steps to what closures do.
+        index: the keyframe behind it.
+        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
     """
 
     robot: str
-    before: int
     index: int
     error: FloatArray
 
     @classmethod
-    def of_team(cls, team: TeamArrays, jumps: Sequence[Jump]) -> tuple[OdometryJump, ...]:
-        """In the names and keyframes of a team."""
-        found, odometry = [], team.robots.odometry
-        for jump in jumps:
-            robot, step = int(team.robots.robot[jump.node]), team.robots.steps_across(jump.node)
-            nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
-            before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
-            found.append(cls(team.names[robot], before, after, jump.error))
-        return tuple(found)
+    def of_team(cls, team: TeamArrays, jump: Jump, trajectories: Mapping[str, Trajectory]) -> OdometryJump:
+        """In the names and keyframes of a team; of the steps between two nodes, that which leaves the shortest path."""
+        odometry, step = team.robots.odometry, team.robots.steps_across(jump.node)
+        robot = int(team.robots.robot[jump.node])
+        nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
+        before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
+        trajectory = trajectories[team.names[robot]]
+        T = trajectory.poses if trajectory.parents is None else trajectory.poses[[before, after]]
+        T = T[before : after + 1] if trajectory.parents is None else T
+        behind = T[0] @ se3.between(T[0], T[-1]) @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
+        stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
+        longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
+        best = int(np.argmin(longer))
+        error = se3.log(se3.between(stated[best], corrected[best])[None])[0]
+        return cls(team.names[robot], after - (len(T) - 2) + best, error)
 
     @property
     def covariance(self) -> FloatArray:
@@ -77,7 +86,7 @@ class OdometryJump:
         metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
         return (
             f"the odometry of {self.robot} jumps by {metres:.1f} m and {degrees:.0f} degrees between its keyframes"
-            f" {self.before} and {self.index}: not believed there"
+            f" {self.index - 1} and {self.index}: closures on both sides tell, and it is not believed there"
         )
 
 
@@ -163,6 +172,10 @@ def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSetti
             return False
         along_m = cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]
         if np.ptp(along_m) < LEAST_COVERAGE * robots.length_m[robot]:
+            return False
+        partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
+        of_partners = (rows[partners == partner] for partner in np.unique(partners))
+        if sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners) < WITNESSES:
             return False
     return True
 

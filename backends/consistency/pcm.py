@@ -149,7 +149,8 @@ def pairwise_consistent(
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), OdometryJump.of_team(team, jumps))
+    not_believed = tuple(OdometryJump.of_team(team, jump, trajectories) for jump in jumps)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), not_believed)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
