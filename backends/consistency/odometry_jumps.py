@@ -66,9 +66,9 @@ class OdometryJump:
         nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
         before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
         trajectory = trajectories[team.names[robot]]
-        T = trajectory.poses if trajectory.parents is None else trajectory.poses[[before, after]]
-        T = T[before : after + 1] if trajectory.parents is None else T
-        behind = T[0] @ se3.between(T[0], T[-1]) @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
+        rows = [before, after] if trajectory.parents is not None else slice(before, after + 1)
+        T = trajectory.poses[rows]
+        behind = T[-1] @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
         stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
         longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
         best = int(np.argmin(longer))
