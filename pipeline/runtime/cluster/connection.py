@@ -89,7 +89,12 @@ def _local(address: str) -> Iterator[Client]:
         raise ConfigError(f"--cluster {address}: expected local:N with the number of workers, for example local:4")
     with interrupts_ignored(), dask.config.set(_ENVIRONMENT):
         started = LocalCluster(
-            n_workers=int(count), threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+            n_workers=int(count),
+            threads_per_worker=1,
+            # A free port of this machine alone: without an address it would be the same one for all who run here.
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            silence_logs=logging.CRITICAL,
         )
         client = Client(started)
     try:

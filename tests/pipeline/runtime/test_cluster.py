@@ -62,6 +62,12 @@ def test_workers_keep_memory_for_their_next_arrays(dask: Cluster) -> None:
     assert [value for _, value in dask.each(os.getenv, [setting])] == [os.getenv(setting)]
 
 
+@pytest.mark.usefixtures("dask")
+def test_a_second_one_runs_beside_the_first(labour: ModuleType) -> None:
+    with cluster("local:1") as second:  # warnings are errors: each has ports of its own
+        assert dict(second.each(labour.solve, [3])).keys() == {0}
+
+
 def test_nothing_to_do_is_done(workers: Workers, labour: ModuleType) -> None:
     assert list(workers.each(labour.solve, [])) == []
 
