@@ -71,8 +71,8 @@ def _objection(inputs: RadioInputs, settings: AlignmentSettings) -> str:
         if fits and _apart_m(claimed, all_of_it, claimed_links) > _same_place_m(claimed_links, settings):
             measured = len(inputs[1].measurements)
             return (
-                f"{measured - len(inside)} of {measured} measurements lie outside the odometry's time: as well as a"
-                f" longer log, a clock that is off would explain it, and put the robots elsewhere ({shift.fault})"
+                f"{measured - len(inside)} of {measured} measurements lie outside the odometry's time: a longer log"
+                f" would fit as well as a clock that is off, which would put the robots elsewhere ({shift.fault})"
             )
     return ""
 
