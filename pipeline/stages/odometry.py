@@ -145,8 +145,9 @@ def remarks(robot: RobotInput, result: FrontEndResult, config: Config) -> tuple[
 def _found_again(result: FrontEndResult) -> str:
     stamps_ns = result.found_again_ns - result.odometry.stamps_ns[0]
     times = ", ".join(f"{at:.1f}" for at in (stamps_ns[:8] * 1e-9).tolist()) + (" ..." if len(stamps_ns) > 8 else "")
+    often = "once" if len(stamps_ns) == 1 else f"{len(stamps_ns)} times"
     return (
-        f"odometry lost its hold {len(stamps_ns)} times, at {times} s after its start, and was found again by"
+        f"odometry lost its hold {often}, at {times} s after its start, and was found again by"
         " registering the scan to the last ones from all around"
     )
 

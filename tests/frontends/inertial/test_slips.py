@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
-from wiclosure.frontends.inertial.slips import Slips, find_slips, opened, turned_otherwise
+from wiclosure.frontends.inertial.slips import Slips, find_slips, lost_steps, opened, turned_otherwise
 from wiclosure.frontends.inertial.turning import TurningRates
 from wiclosure.types import ImuLog, Trajectory
 
@@ -42,7 +42,8 @@ def test_a_leap_is_found_with_its_time_and_size(seed):
     assert slips.gross[0]
     assert 1.8 < slips.departure_m[0] < 3.0
     assert np.degrees(slips.departure_rad[0]) == pytest.approx(40, abs=3)
-    assert "at 12.0" in slips.sentence(0)
+    assert "slips 2 times, at 12.0" in slips.sentence(0)
+    assert "slips once, at 12.0 s" in lost_steps(odometry, np.array([120])).sentence(0)
     assert not Slips.none().sentence(0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -107,6 +108,17 @@ FAULTS = {
 def test_an_honest_log_is_not_contradicted(seed: int) -> None:
     against = held_against_map(MERGED, CLOSURES, heard(seed), ALIGNMENT, SETTINGS)
     assert against == AgainstMap(fitting=frozenset({("a", "b")}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("every_m", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("direction", ["one-way", "reciprocal"])
+def test_no_honest_log_of_many_is_contradicted(every_m: float, direction: Literal["one-way", "reciprocal"]) -> None:
+    """Sparse and dense, one-way and both ways, with ranges as far off as calibration leaves them."""
+    radio = RadioSettings(every_m=every_m, direction=direction, paths=2)
+    logs = [simulate_wireless_from_poses(MERGED, radio, seed=seed) for seed in range(8)]
+    contradicted = [found(longer(1.0, off_m)(log)) for log in logs for off_m in (-0.3, 0.0, 0.3)]
+    assert contradicted == [None] * 24
 
 
 @pytest.mark.parametrize("words", FAULTS)
