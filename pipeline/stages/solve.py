@@ -133,7 +133,8 @@ def _estimated(
             left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
             consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
-        graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
+        odometry = consistent.restated(attempts.keyframes)
+        graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
         by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
     return _Estimate(attempt, checks, rivals, consistent, graph, by_map)
