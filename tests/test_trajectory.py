@@ -232,3 +232,17 @@ def test_parents_are_earlier_poses(parents):
             step_covariances=np.zeros((2, 6, 6)),
             parents=np.array(parents),
         )
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_step_that_is_loosened_is_so_in_all_spans_across_it_and_in_no_other(stated: bool) -> None:
+    path = line()
+    path = replace(path, step_covariances=np.tile(0.01 * np.eye(6), (10, 1, 1))) if stated else path
+    loosened = path.loosened_step(4, 9.0 * np.eye(6))
+    variance = [
+        loosened.translation_variance_between(np.array([i]), np.array([j]))[0] for i, j in ((0, 3), (3, 4), (4, 10))
+    ]
+    assert variance[0] < 3.0
+    assert variance[1] == pytest.approx(27.0, rel=0.05)
+    assert variance[2] < 3.0
+    np.testing.assert_array_equal(loosened.poses, path.poses)

@@ -14,8 +14,8 @@ from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.consistency.pcm import PcmResult, pairwise_consistent
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.settling import outlier_limit
-from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.backends.least_squares.variance_components import restated
+from wiclosure.backends.least_squares.team_arrays import TeamArrays, covariance_parts_between
+from wiclosure.backends.least_squares.variance_components import summed
 from wiclosure.types import BoolArray, Closure, FloatArray, IntArray, Trajectory
 
 GROWTH = 0.025  # of the number of closures, after which all are decided on again: the work is that of a few decisions
@@ -88,7 +88,7 @@ class IncrementalConsistency:
         apart = se3.adjoint(se3.inverse(T_b)) @ (wander_b - wander_a)
         spread = apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
         odometry = since_b + se3.rotate_covariance(se3.adjoint(se3.inverse(predicted)), since_a)
-        covariance = spread + restated(odometry + closure_set.covariance, merged.factors)
+        covariance = spread + odometry + summed(closure_set.covariance_parts(), merged.factors)
         distance = mahalanobis_squared(se3.log(se3.between(closure_set.T_a_b, predicted)), covariance)
         return np.asarray(
             distance <= outlier_limit(len(self._closures), self.settings.probability, team.robots.degrees)
@@ -98,8 +98,10 @@ class IncrementalConsistency:
         """Estimated poses, samples of their errors, and covariances of the odometry since the node before."""
         assert self._basis is not None
         team, merged = self._basis
-        nodes, trajectory = team.nodes[robot], self._odometry[robot]
+        number = team.names.index(robot)
+        nodes, trajectory = team.nodes[robot], self._odometry[robot].loosened(merged.odometry_factors[number])
         before = np.searchsorted(nodes, indices, side="right") - 1
-        node = team.robots.first_nodes[team.names.index(robot)] + before
+        node = team.robots.first_nodes[number] + before
         T = merged.settled.poses[node] @ trajectory.relative_pose(nodes[before], indices)
-        return T, merged.settled.wander[node], trajectory.relative_covariance(nodes[before], indices)
+        since = summed(covariance_parts_between(trajectory, nodes[before], indices), merged.factors)
+        return T, merged.settled.wander[node], since

@@ -132,7 +132,9 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
     else:
         room = 1.0
     reasons = _reasons(robots, group, settled, candidates, torn)
-    return MergedGroups(settled.inlier, group, reasons, of_robots, settled, np.full(2, scale), room)
+    return MergedGroups(
+        settled.inlier, group, reasons, of_robots, settled, np.full(2, scale), room, np.ones(robots.count)
+    )
 
 
 def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:

@@ -40,8 +40,10 @@ def odometry_factors(robots: Robots, settings: MergeSettings) -> FloatArray:
 def _factor(robot: Robots, settings: MergeSettings, limit: float) -> float:
     """The smallest, within `STEP`, under which all own loops of a robot fit; 1 if none is or they may be false."""
     too_small, enough = 1.0, settings.most_scale
-    loosest = robot.loosened(np.array([enough]))
-    settled = None if OwnClaims.of(loosest).refuted(limit).any() else _if_all_fit(robot, enough, limit)
+    loosest = OwnClaims.of(robot.loosened(np.array([enough])))
+    if loosest.contradictory(limit, settings.probability, robot.degrees):  # spares an estimate, dense with false ones
+        return 1.0
+    settled = _if_all_fit(robot, enough, limit)
     if settled is None:
         return 1.0
     while enough > STEP * too_small:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import SAMPLES
+from wiclosure.backends.least_squares.settling import SAMPLES, outlier_limit
 from wiclosure.backends.least_squares.system import LEAST_VARIANCE
 from wiclosure.backends.sets.claims import Claims
 from wiclosure.types import BoolArray, FloatArray, IntArray
@@ -59,8 +59,20 @@ class OwnClaims:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""
         return self.distances > limit
 
-    def supported(self, limit: float) -> BoolArray:
-        """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
+    def contradictory(self, limit: float, probability: float, degrees: int) -> bool:
+        """Whether odometry refutes one of them, as `refuted`, or two neighbours where both are to be true.
+
+        Args:
+            limit: squared distance from what odometry says.
+            probability: that no two true neighbours contradict each other.
+            degrees: of freedom.
+        """
+        apart = self.neighbours[2]
+        return bool(self.refuted(limit).any() or (apart > outlier_limit(len(apart), probability, degrees)).any())
+
+    @cached_property
+    def neighbours(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Pairs `(P,)`, `(P,)` of one robot, each loop with those nearest to it, and their squared distances."""
         count = len(self.claims)
         apart_m = 2.0 * self.along_m.max(initial=0.0) * self.robot  # robots are no neighbours
         places = np.column_stack([self.along_m, apart_m])
@@ -68,7 +80,12 @@ class OwnClaims:
         one, other = np.repeat(np.arange(count), nearest.size // max(count, 1)), nearest.ravel()
         comparable = (one != other) & (self.robot[one] == self.robot[other])
         one, other = one[comparable], other[comparable]
-        agree = self.claims.pair_distances(one, other) <= limit
+        return one, other, self.claims.pair_distances(one, other)
+
+    def supported(self, limit: float) -> BoolArray:
+        """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
+        count, (one, other, apart) = len(self.claims), self.neighbours
+        agree = apart <= limit
         one, other, found = one[agree], other[agree], np.ones(count, bool)
         while True:
             still = np.bincount(one[found[other]], minlength=count) >= SUPPORTERS

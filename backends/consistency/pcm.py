@@ -11,7 +11,8 @@ import numpy as np
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
-from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.consistency.odometry_jumps import OdometryJump, merge_despite_jumps
 from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import CandidateSet
@@ -32,12 +33,14 @@ class PcmResult:
         pairs: one report for each two robots that closures connect, and for each robot that they close.
         scale: how many times the stated standard deviations are taken (`PcmSettings.max_scale`).
         basis: the estimate that the decisions rest on, where `method: groups` made one.
+        jumps: steps of odometry that closures contradict, which are not believed.
     """
 
     closures: tuple[Closure, ...]
     pairs: tuple[PairConsistency, ...]
     scale: float = 1.0
     basis: tuple[TeamArrays, MergedGroups] | None = None
+    jumps: tuple[OdometryJump, ...] = ()
 
     @property
     def odometry_factors(self) -> dict[str, float]:
@@ -51,7 +54,10 @@ class PcmResult:
     def restated(self, trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
         """Odometry with standard deviations as they are taken here, the common `scale` aside."""
         factors = self.odometry_factors
-        return {robot: t.loosened(factors[robot]) if robot in factors else t for robot, t in trajectories.items()}
+        found = {robot: t.loosened(factors[robot]) if robot in factors else t for robot, t in trajectories.items()}
+        for jump in self.jumps:
+            found[jump.robot] = found[jump.robot].loosened_step(jump.index, jump.covariance)
+        return found
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -66,7 +72,8 @@ class PcmResult:
     @property
     def remarks(self) -> tuple[str, ...]:
         """One sentence for each pair of robots."""
-        sentences = tuple(
+        sentences = tuple(jump.sentence for jump in self.jumps)
+        sentences += tuple(
             f"the odometry of {robot} errs more than it states: its standard deviations are taken {factor:.2g} times"
             " as large, so its own loops agree"
             for robot, factor in self.odometry_factors.items()
@@ -134,7 +141,7 @@ def pairwise_consistent(
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     predicted = np.array([c.prediction is not None or row in supported for row, c in enumerate(closures)])
     team = TeamArrays.of(trajectories, sets, predicted)
-    merged = merge_groups(team.robots, merge_settings(settings, team.robots.degrees))
+    merged, jumps = merge_despite_jumps(team.robots, merge_settings(settings, team.robots.degrees))
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
     checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
@@ -142,7 +149,8 @@ def pairwise_consistent(
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged))
+    not_believed = tuple(OdometryJump.of_team(team, jump, trajectories) for jump in jumps)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), not_believed)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:

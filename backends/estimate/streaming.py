@@ -67,8 +67,8 @@ class StreamingBackEnd:
         return self._batch()
 
     def _batch(self) -> GraphResult:
-        closures = self._consistency.result().closures
-        return optimise(self._odometry, closures, self._settings, earth=self._earth)
+        checked = self._consistency.result()
+        return optimise(checked.restated(self._odometry), checked.closures, self._settings, earth=self._earth)
 
     @one_blas_thread
     def extend(self, trajectories: Mapping[str, Trajectory], earth: EarthMeasurements | None = None) -> None:

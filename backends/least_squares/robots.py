@@ -57,6 +57,11 @@ class Robots:
         """Closures `(M,)` within one robot."""
         return np.asarray(self.robot[self.loops.first] == self.robot[self.loops.second])
 
+    @property
+    def loop_ends(self) -> IntArray:
+        """Nodes `(2, M)` of all closures."""
+        return np.stack([self.loops.first, self.loops.second])
+
     def groups_of_ends(self, group: IntArray) -> tuple[IntArray, IntArray]:
         """Group of both ends of each closure, by the group `(R,)` of each robot."""
         return group[self.robot[self.loops.first]], group[self.robot[self.loops.second]]
@@ -91,6 +96,23 @@ class Robots:
             np.zeros(len(nodes), np.int64), self.poses[nodes], odometry, loops, self.predicted[own],
             self.along_m[nodes], self.length_m[[robot]], self.step_m,
         )  # fmt: skip
+
+    def cut(self, node: int) -> Robots:
+        """The robot of a node as two: from this node on, it is one more; the steps of odometry between are left out."""
+        robot, crossing = int(self.robot[node]), self.steps_across(node)
+        start_m, end_m = self.along_m[self.first_nodes[robot]], self.along_m[node - 1]
+        lengths_m = [end_m - start_m, self.length_m[robot] - (self.along_m[node] - start_m)]
+        return replace(
+            self,
+            robot=self.robot + (np.arange(len(self.robot)) >= node),
+            odometry=self.odometry.subset(~crossing),
+            length_m=np.concatenate([self.length_m[:robot], lengths_m, self.length_m[robot + 1 :]]),
+            parts=None if self.parts is None else (self.parts[0][:, ~crossing], self.parts[1]),
+        )
+
+    def steps_across(self, node: int) -> BoolArray:
+        """Steps of odometry, of all, from a node before this to it or to one behind."""
+        return np.asarray((self.odometry.first < node) & (self.odometry.second >= node))
 
     def loosened(self, factors: FloatArray) -> Robots:
         """The standard deviations of each robot's odometry times factors `(R,)`."""

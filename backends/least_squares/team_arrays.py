@@ -76,12 +76,19 @@ class TeamArrays:
         return np.concatenate([poses[name][self.nodes[name]] for name in self.names])
 
 
+def covariance_parts_between(trajectory: Trajectory, first: IntArray, second: IntArray) -> FloatArray:
+    """`(3, M, 6, 6)` of the covariances of `relative_pose(first, second)`, what comes of the parts of each step's."""
+    if trajectory.step_covariances is None:
+        return covariance_parts(trajectory.relative_covariance(first, second))
+    of_each = (replace(trajectory, step_covariances=part) for part in covariance_parts(trajectory.step_covariances))
+    return np.stack([of_part.relative_covariance(first, second) for of_part in of_each])
+
+
 def _parts(trajectory: Trajectory, nodes: IntArray) -> FloatArray:
     """`(3, K - 1, 6, 6)` of the covariances of the steps between nodes."""
     if trajectory.step_covariances is None:
         return covariance_parts(odometry_covariances(trajectory, nodes, nodes))
-    of_each = (replace(trajectory, step_covariances=part) for part in covariance_parts(trajectory.step_covariances))
-    return np.stack([odometry_covariances(of_part, nodes, nodes) for of_part in of_each])
+    return covariance_parts_between(trajectory, *trajectory.steps(nodes))
 
 
 def _steps(trajectory: Trajectory, nodes: IntArray, offset: int) -> Edges:

@@ -89,3 +89,10 @@ def restated(covariance: FloatArray, factors: float | FloatArray) -> FloatArray:
     """Covariances `(..., 6, 6)` with standard deviations times one factor, or `(2,)` of rotation and translation."""
     times = np.repeat(np.broadcast_to(factors, 2), 3)
     return np.asarray(covariance * np.outer(times, times))
+
+
+def summed(parts: FloatArray, factors: float | FloatArray) -> FloatArray:
+    """Covariances `(M, 6, 6)` from what is stated of rotation, of both, and of translation `(3, M, 6, 6)`, likewise."""
+    rotation, translation = np.broadcast_to(factors, 2)
+    squared = np.array([rotation**2, rotation * translation, translation**2])
+    return np.asarray(np.einsum("p,pnij->nij", squared, parts))

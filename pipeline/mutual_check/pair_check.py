@@ -71,9 +71,14 @@ class PairCheck:
         return self.weighed is not None and self.weighed.verdict in without
 
     @property
-    def doubts(self) -> bool:
+    def undecided(self) -> bool:
         """Whether nothing decided."""
         return self.weighed is not None and self.weighed.verdict is Verdict.UNDECIDED
+
+    @property
+    def doubts(self) -> bool:
+        """Whether a map that joins these robots may be wrong."""
+        return self.undecided or bool(self.contested)
 
 
 def ends(closures: Sequence[Closure]) -> frozenset[tuple[KeyframeId, KeyframeId]]:

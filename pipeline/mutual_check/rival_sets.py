@@ -53,6 +53,11 @@ class RivalSets:
         return bool(self.lost)
 
     @property
+    def doubts(self) -> bool:
+        """Whether a map that rests on the set that is kept may be wrong."""
+        return bool(self.contested)
+
+    @property
     def sentence(self) -> str:
         """For the user."""
         name = f"{self.pair[0]} and {self.pair[1]}"

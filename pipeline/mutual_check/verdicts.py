@@ -8,7 +8,7 @@ from dataclasses import replace
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
-from wiclosure.pipeline.mutual_check.rival_sets import MAY_BE_WRONG, RivalSets
+from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
 from wiclosure.types import Closure, FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between
@@ -25,8 +25,8 @@ def sentences(
     by_map: Mapping[Pair, Contradiction],
     *,
     corrects: bool,
-) -> tuple[str, ...]:
-    """What closures and merged map tell of the radio, and the filter does not.
+) -> dict[Pair, str]:
+    """What closures and merged map tell of the radio, and the filter does not: one sentence for each two robots.
 
     Args:
         filtered: of the filter.
@@ -36,13 +36,13 @@ def sentences(
     """
     checked = {one.pair: one for one in checks if one.sentence}
     named = {(one.robot_a, one.robot_b): one.suspected_fault for one in filtered.alignments}
-    said = [_with_remedy(one.said(by_map.get(pair)), by_map.get(pair), corrects) for pair, one in checked.items()]
-    said += [
-        _with_remedy(f"{pair[0]} and {pair[1]}: {found}", found, corrects)
+    of_closures = {pair: one.said(by_map.get(pair)) for pair, one in checked.items()}
+    of_map = {
+        pair: f"{pair[0]} and {pair[1]}: {found}"
         for pair, found in by_map.items()
         if pair not in checked and not _is_named(named.get(pair, ""), found)
-    ]
-    return tuple(said)
+    }
+    return {pair: _with_remedy(one, by_map.get(pair), corrects) for pair, one in (of_closures | of_map).items()}
 
 
 def settled(
@@ -58,7 +58,7 @@ def settled(
     told = {one.pair: one for one in rivals if one.decides}
 
     def as_settled(check: PairCheck) -> PairCheck:
-        if not check.doubts or check.weighed is None:
+        if not check.undecided or check.weighed is None:
             return check
         if (rival := told.get(check.pair)) is not None:
             verdict = Verdict.CLOSURES if rival.cause else Verdict.COMPATIBLE
@@ -71,11 +71,10 @@ def settled(
     return tuple(map(as_settled, checks))
 
 
-def in_doubt(said: Sequence[str], accepted: Sequence[Closure]) -> tuple[str, ...]:
-    """Those of the sentences that put the map in doubt, of robots that accepted closures join."""
-    joined = {(c.query.robot, c.match.robot) for c in accepted}
-    names = tuple(f"{a} and {b}: " for pair in joined for a, b in (pair, pair[::-1]))
-    return tuple(one for one in said if MAY_BE_WRONG in one and one.startswith(names))
+def in_doubt(told: Sequence[PairCheck] | Sequence[RivalSets], accepted: Sequence[Closure]) -> set[Pair]:
+    """Of the robots that something doubtful was told of, those that accepted closures join: the map rests on it."""
+    joined = {frozenset((c.query.robot, c.match.robot)) for c in accepted}
+    return {one.pair for one in told if one.doubts and frozenset(one.pair) in joined}
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

@@ -58,11 +58,16 @@ def solve(
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
     checks = settled(found.checks, found.rivals, found.by_map.fitting)
     told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
-    of_rivals = tuple(one.sentence for one in found.rivals)
-    doubts = (*found.consistent.doubts, *in_doubt((*told, *of_rivals), found.graph.accepted))
+    unsure = in_doubt(checks, found.graph.accepted)
+    unsure_rivals = in_doubt(found.rivals, found.graph.accepted)
+    doubts = (
+        *found.consistent.doubts,
+        *(said for pair, said in told.items() if pair in unsure),
+        *(one.sentence for one in found.rivals if one.pair in unsure_rivals),
+    )
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
-        *(said for said in told if said not in doubts),
+        *(said for pair, said in told.items() if pair not in unsure),
     )
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
@@ -82,7 +87,7 @@ def solve(
             *contradictions,
             *corrections,
             *filtered.diagnosis,
-            *(said for said in of_rivals if said not in doubts),
+            *(one.sentence for one in found.rivals if one.pair not in unsure_rivals),
             *_nothing_left(filtered, found.attempt.matched, closures),
             *_own_loops(closures),
             *_nothing_to_merge(fronts, closures),
@@ -128,7 +133,8 @@ def _estimated(
             left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
             consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
-        graph = optimise(attempts.keyframes, consistent.closures, settings, attempt.filtered.links, earth)
+        odometry = consistent.restated(attempts.keyframes)
+        graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
         by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
     return _Estimate(attempt, checks, rivals, consistent, graph, by_map)

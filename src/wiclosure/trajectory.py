@@ -157,6 +157,13 @@ class Trajectory:
         stated = None if self.step_covariances is None else factor**2 * self.step_covariances
         return replace(self, drift=self.drift.scaled(factor), finer=finer, step_covariances=stated)
 
+    def loosened_step(self, index: int, covariance: FloatArray) -> Trajectory:
+        """The same with a covariance `(6, 6)` more of the one step to the pose at `index`; all are then stated."""
+        first, second = self.steps(np.arange(len(self)))
+        stated = self.relative_covariance(first, second).copy()
+        stated[index - 1] += covariance
+        return replace(self, step_covariances=stated)
+
     @property
     def junctions(self) -> IntArray:
         """Indices of the poses that several steps start from; with them a subset has the same odometry."""

@@ -115,6 +115,20 @@ def clocks_apart(robot_b: str, ahead_s: float) -> Correction:
     return _each(f"the clock of {robot_b} seems to be about {abs(ahead_s):g} s {side}", shifted)
 
 
+def odometry_clock_off(robot: str, ahead_s: float) -> Correction:
+    """Of one robot's odometry, stamped by a clock that is ahead of the log's."""
+    ahead_ns = round(ahead_s * 1e9)
+
+    def shifted(inputs: RadioInputs) -> RadioInputs:
+        trajectories, log = inputs
+        one = trajectories[robot]
+        finer = None if one.finer is None else replace(one.finer, stamps_ns=one.finer.stamps_ns - ahead_ns)
+        return {**trajectories, robot: replace(one, stamps_ns=one.stamps_ns - ahead_ns, finer=finer)}, log
+
+    side = "ahead of" if ahead_s > 0 else "behind"
+    return Correction(f"{robot}'s odometry would be {abs(ahead_s):.0f} s {side} the log", shifted, of_log=False)
+
+
 def swapped(names: Mapping[str, str]) -> Correction:
     """Of robots' names that are mixed up in the log; by the name that each should have."""
     mixed = ", ".join(f"{wrong} for {right}" for wrong, right in names.items() if wrong != right)

@@ -65,3 +65,12 @@ def test_drift_is_shared_by_the_extent_of_paths_that_close_loops(robots):
     poses[2:5, 0, 3] = [0.0, 20.0, 10.0]
     assert replace(robots, poses=poses).drift_share() == pytest.approx(np.sqrt(2 * 5.0) / 20.0)
     assert replace(robots, loops=edges([(0, 2)])).drift_share() == 0.0
+
+
+def test_a_robot_that_is_cut_is_two_and_the_step_between_is_left_out(robots):
+    cut = robots.cut(3)
+    assert cut.robot.tolist() == [0, 0, 1, 2, 2, 3]
+    assert cut.odometry.first.tolist() == [0, 3]
+    assert cut.length_m.tolist() == [1.0, 0.0, 1.0, 0.0]
+    assert cut.own.tolist() == [False, False, False]
+    assert robots.steps_across(3).tolist() == [False, True, False]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
-from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.backends.least_squares.variance_components import restated
+from wiclosure.backends.least_squares.team_arrays import TeamArrays, covariance_parts_between
+from wiclosure.backends.least_squares.variance_components import restated, summed
 
 STATED = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 ROBOTS = ("alpha", "beta", "gamma")
@@ -103,3 +103,12 @@ def test_separate_factors_hold_for_what_is_stated_however_it_is_turned_or_chaine
     found, expected = arrays(1.0).scaled(factors), arrays(factors)
     for one, other in ((found.odometry, expected.odometry), (found.loops, expected.loops)):
         np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("times", [1.0, np.array([0.1, 4.0])])
+def test_parts_of_what_is_chained_sum_up_to_what_other_steps_would_state(team_maker, times):
+    alpha = replace(team_maker(3, noise=1.0).odometry["alpha"], step_covariances=np.tile(np.eye(6), (59, 1, 1)))
+    first, second = np.array([0, 10, 58]), np.array([20, 10, 59])
+    found = summed(covariance_parts_between(alpha, first, second), times)
+    restated_steps = replace(alpha, step_covariances=restated(alpha.step_covariances, times))
+    np.testing.assert_allclose(found, restated_steps.relative_covariance(first, second), rtol=1e-6, atol=1e-8)

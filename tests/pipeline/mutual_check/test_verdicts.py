@@ -48,7 +48,7 @@ def check(verdict: Verdict) -> PairCheck:
 
 
 def said(suspected_fault: str, checks: list[PairCheck], found: Contradiction, *, corrects: bool = False) -> list[str]:
-    return list(sentences(filtered(suspected_fault), checks, {PAIR: found}, corrects=corrects))
+    return list(sentences(filtered(suspected_fault), checks, {PAIR: found}, corrects=corrects).values())
 
 
 def test_only_measurements_of_the_pair_are_corrected_and_stay_in_order_of_time() -> None:
@@ -125,9 +125,16 @@ def test_where_nothing_decides_the_robots_go_on_without_radio_and_the_map_is_in_
     assert "nothing decides (3 to 1)" in one
     nameless = replace(undecided(), weighed=Weighed(Verdict.UNDECIDED, 1.0, ""))
     assert "the radio may be at fault, for no known reason, or the places look alike" in nameless.sentence
-    joined = accepted("b", "a")
-    assert in_doubt([one, f"a and b: {TOO_LONG}", one.replace("a and b", "a and c")], [joined]) == (one,)
-    assert in_doubt([one], [accepted("a", "c")]) == ()
+    assert in_doubt([check], [accepted("b", "a")]) == {PAIR}
+    assert in_doubt([check], [accepted("a", "c")]) == set()
+    assert in_doubt([replace(check, weighed=Weighed(Verdict.CLOSURES, 9.0, ""))], [accepted("b", "a")]) == set()
+
+
+def test_a_set_that_only_the_rarity_of_an_error_speaks_for_puts_the_map_in_doubt() -> None:
+    rivals = RivalSets(PAIR, frozenset(range(9)), frozenset({10, 11}), 8.0, contested="ranges seem to be in feet")
+    assert in_doubt([rivals], [accepted("b", "a")]) == {PAIR}
+    assert "the map may be wrong" in rivals.sentence
+    assert in_doubt([replace(rivals, contested="")], [accepted("b", "a")]) == set()
 
 
 def accepted(query: str, match: str) -> Closure:
@@ -143,6 +150,6 @@ def test_what_was_undecided_is_settled_by_rival_sets_or_by_a_log_that_fits_the_m
     (by_map,) = settled([undecided()], [open_still], {PAIR})
     assert by_map.weighed is not None
     assert by_map.weighed.verdict is Verdict.COMPATIBLE
-    assert settled([undecided()], [open_still], {("a", "c")})[0].doubts
+    assert settled([undecided()], [open_still], {("a", "c")})[0].undecided
     decided = check(Verdict.RADIO)
     assert settled([decided], [rivals], {PAIR}) == (decided,)

@@ -1,0 +1,79 @@
+"""Where odometry may have jumped: closures that agree are rejected on one side of a place, others accepted before."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import hypergeom
+
+from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.backends.sets.pair_sets import pairs_of_groups, sets_between
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+
+def place_to_cut(robots: Robots, merged: MergedGroups, nodes: IntArray, settings: MergeSettings) -> int | None:
+    """The node, of these of one robot, before which odometry may have jumped; None if nothing speaks for it."""
+    places: list[tuple[float, int]] = []
+    for part in np.unique(robots.robot[nodes]):
+        of_part = np.flatnonzero(robots.robot == part)
+        chance, splits = _chances_of_splits(robots, merged, int(part))
+        if len(splits) and chance.min() <= EXPECTED_BY_CHANCE:
+            least = float(chance.min())
+            places += [(least, _by_own_loops(robots, merged, of_part, splits[chance <= least * (1 + 1e-9)]))]
+    for _, node in sorted(places):
+        if robots.steps_across(node).sum() == 1 and _set_holds(robots, merged, node, settings):
+            return node
+    return None
+
+
+def _chances_of_splits(robots: Robots, merged: MergedGroups, robot: int) -> tuple[FloatArray, IntArray]:
+    """By node from which on a robot could be cut: that chance parts rejected closures from others so, of all nodes.
+
+    Fisher's exact test, for either side, times the number of nodes.
+    """
+    ends = robots.robot[robots.loop_ends] == robot
+    rows = np.flatnonzero(ends[0] != ends[1])
+    node = np.where(ends[0], robots.loops.first, robots.loops.second)[rows]
+    accepted = merged.inlier[rows]
+    if not accepted.any():  # it joins nobody: its largest set against the others
+        sets = [c.rows for c in merged.candidates if robot in (c.a, c.b)]
+        accepted = np.isin(rows, max(sets, key=len)) if sets else accepted
+    splits = np.flatnonzero(robots.robot == robot)[1:]
+    before, rejected = np.searchsorted(np.sort(node), splits), np.searchsorted(np.sort(node[~accepted]), splits)
+    total, of_rejected = len(rows), int((~accepted).sum())
+    more = hypergeom.sf(rejected - 1, total, of_rejected, before)
+    fewer = hypergeom.cdf(rejected, total, of_rejected, before)
+    return np.asarray(2.0 * len(splits) * np.minimum(more, fewer)), splits
+
+
+def _by_own_loops(robots: Robots, merged: MergedGroups, of_part: IntArray, splits: IntArray) -> int:
+    """The one of these nodes that fewest accepted loops of the robot, and most rejected ones, reach across."""
+    first, second = robots.loops.first, robots.loops.second
+    own = np.isin(first, of_part) & np.isin(second, of_part)
+    low, high = np.minimum(first, second)[own], np.maximum(first, second)[own]
+    accepted = merged.inlier[own]
+
+    def across(of: BoolArray) -> IntArray:
+        return np.searchsorted(np.sort(low[of]), splits) - np.searchsorted(np.sort(high[of]), splits)
+
+    return int(splits[np.argmin(across(accepted) - across(~accepted))])
+
+
+def _set_holds(robots: Robots, merged: MergedGroups, node: int, settings: MergeSettings) -> bool:
+    """Whether, with a cut there, rejected closures of either part make a set that holds by itself."""
+    part = int(robots.robot[node])
+    robots = robots.loosened(merged.odometry_factors).scaled(merged.factors).cut(node)
+    group = np.insert(merged.group, part + 1, merged.group[part])
+    group = np.where(group > part, group + 1, group)  # numbers of groups are those of their robots
+    for alone in (part, part + 1):
+        apart = group.copy()
+        apart[alone] = robots.count
+        touching = (robots.robot[robots.loop_ends] == alone).any(axis=0)
+        rejected = touching & ~merged.inlier
+        of_pairs = (pair[rejected[pair]] for pair in pairs_of_groups(robots, apart))
+        for rows in filter(len, of_pairs):
+            if any(c.holds for c in sets_between(robots, rows, apart, merged.settled, settings)):
+                return True
+    return False

@@ -1,0 +1,208 @@
+"""Odometry that jumps, as that of a robot that was carried elsewhere does: that step is not believed, all else is.
+
+Behind a jump, closures are rejected that agree with each other.  Where rejected closures of a robot lie on one side of
+a place along its path, and a set of them would hold by the ordinary rules, the robot is cut there into two, and all is
+merged again.  The jump is believed where both parts join one group at places over as much of the whole path as joins a
+robot to another, what was accepted before stays, and no other robot's jump explains as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure import se3
+from wiclosure.backends.consistency.jump_places import place_to_cut
+from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.least_squares.edges import mahalanobis_squared
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.least_squares.settling import outlier_limit
+from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
+from wiclosure.backends.sets.merge_settings import MergeSettings
+from wiclosure.backends.sets.pair_sets import count_places
+from wiclosure.types import FloatArray, IntArray, Trajectory
+
+WITNESSES = (
+    2  # robots, itself among them, that closures at either part are with: one's may be of a place that looks alike
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """A step of odometry that closures contradict.
+
+    Args:
+        node: the first behind it.
+        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
+    """
+
+    node: int
+    error: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryJump:
+    """A step of a robot's odometry that is not believed.
+
+    Args:
+        robot: its name.
+        index: the keyframe behind it.
+        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
+    """
+
+    robot: str
+    index: int
+    error: FloatArray
+
+    @classmethod
+    def of_team(cls, team: TeamArrays, jump: Jump, trajectories: Mapping[str, Trajectory]) -> OdometryJump:
+        """In the names and keyframes of a team; of the steps between two nodes, that which leaves the shortest path."""
+        odometry, step = team.robots.odometry, team.robots.steps_across(jump.node)
+        robot = int(team.robots.robot[jump.node])
+        nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
+        before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
+        trajectory = trajectories[team.names[robot]]
+        rows = [before, after] if trajectory.parents is not None else slice(before, after + 1)
+        T = trajectory.poses[rows]
+        behind = T[-1] @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
+        stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
+        longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
+        best = int(np.argmin(longer))
+        error = se3.log(se3.between(stated[best], corrected[best])[None])[0]
+        return cls(team.names[robot], after - (len(T) - 2) + best, error)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """`(6, 6)` under which the jump is one sigma, in whatever direction."""
+        return np.diag(np.repeat([np.sum(part**2) for part in (self.error[:3], self.error[3:])], 3))
+
+    @property
+    def sentence(self) -> str:
+        """For the user."""
+        metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
+        return (
+            f"the odometry of {self.robot} jumps by {metres:.1f} m and {degrees:.0f} degrees between its keyframes"
+            f" {self.index - 1} and {self.index}: closures on both sides tell, and it is not believed there"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """A team with some robots cut, merged."""
+
+    robots: Robots
+    merged: MergedGroups
+    nodes: tuple[int, ...] = ()
+
+    def cut(self, node: int, settings: MergeSettings) -> _Explanation:
+        """With one cut more."""
+        robots = self.robots.cut(node)
+        return _Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
+
+    def gained(self, before: _Explanation, settings: MergeSettings) -> int:
+        """Closures that are accepted in addition; 0 where too many no longer are."""
+        now, then = self.merged.inlier, before.merged.inlier
+        more, less = int((now & ~then).sum()), int((then & ~now).sum())
+        return more - less if less <= (1.0 - settings.ambiguous_share) * more else 0
+
+
+def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> tuple[MergedGroups, list[Jump]]:
+    """`merge_groups` and, where closures tell of jumps, what they are; the result is then that of the uncut team."""
+    found = _Explanation(robots, merge_groups(robots, settings))
+    while True:
+        better = _best(robots, found, settings)
+        if better is None:
+            break
+        found = better
+    merged = _of_whole_robots(robots, found) if found.nodes else found.merged
+    return merged, [_jump(robots, found, node) for node in sorted(found.nodes)]
+
+
+def _best(robots: Robots, found: _Explanation, settings: MergeSettings) -> _Explanation | None:
+    """With one robot's jumps, where no other's explain about as many closures."""
+    of_robots: list[tuple[int, _Explanation]] = []
+    for robot in range(robots.count):
+        nodes = np.flatnonzero(robots.robot == robot)
+        cut = _with_cuts(robots, found, nodes, settings)
+        gained = 0 if cut is None else cut.gained(found, settings)
+        if cut is not None and gained:
+            of_robots.append((gained, cut))
+    of_robots.sort(key=lambda of: of[0], reverse=True)
+    if not of_robots or (len(of_robots) > 1 and of_robots[1][0] >= settings.ambiguous_share * of_robots[0][0]):
+        return None
+    return of_robots[0][1]
+
+
+def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation | None:
+    """Cut within the nodes of one robot as long as it gains; None where that explains nothing."""
+    best = found
+    while True:
+        node = place_to_cut(best.robots, best.merged, nodes, settings)
+        tried = None if node is None else best.cut(node, settings)
+        if tried is None or not tried.gained(best, settings):
+            break
+        best = tried
+    needed = [node for node in best.nodes if node in found.nodes or _contradicted(robots, best, node)]
+    if len(needed) < len(best.nodes):
+        best = found
+        for node in needed:
+            best = best if node in found.nodes else best.cut(node, settings)
+    new = [node for node in best.nodes if node not in found.nodes]
+    if not new or not all(_joined(robots, best, node, settings) for node in new):
+        return None
+    return best
+
+
+def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSettings) -> bool:
+    """Whether both parts are in one group, and join it at as many places, over as much of the path, as join robots."""
+    cut, merged = found.robots, found.merged
+    sides, robot = (int(cut.robot[node - 1]), int(cut.robot[node])), int(robots.robot[node])
+    if merged.group[sides[0]] != merged.group[sides[1]]:
+        return False
+    ends = cut.loop_ends
+    of_ends = cut.robot[ends]
+    view_m = settings.view_steps * robots.step_m
+    for side in sides:
+        rows = np.flatnonzero(merged.inlier & ((of_ends == side).sum(axis=0) == 1))
+        if not len(rows) or count_places(cut, rows, view_m, SATURATED) < SATURATED:
+            return False
+        along_m = cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]
+        if np.ptp(along_m) < LEAST_COVERAGE * robots.length_m[robot]:
+            return False
+        partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
+        of_partners = (rows[partners == partner] for partner in np.unique(partners))
+        if sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners) < WITNESSES:
+            return False
+    return True
+
+
+def _contradicted(robots: Robots, found: _Explanation, node: int) -> bool:
+    """Whether the estimate refutes odometry's step to a node."""
+    step = robots.scaled(found.merged.factors).odometry.subset(robots.steps_across(node))
+    settled, (a, b) = found.merged.settled, (step.first, step.second)
+    apart = se3.adjoint(se3.inverse(settled.poses[b])) @ (settled.wander[b] - settled.wander[a])
+    covariance = step.covariance + apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
+    distance = mahalanobis_squared(_jump(robots, found, node).error[None], covariance)[0]
+    return bool(distance > outlier_limit(len(robots.odometry), 1.0 - EXPECTED_BY_CHANCE, robots.degrees))
+
+
+def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
+    step, poses = robots.odometry.subset(robots.steps_across(node)), found.merged.settled.poses
+    return Jump(node, se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0])
+
+
+def _of_whole_robots(robots: Robots, found: _Explanation) -> MergedGroups:
+    """The merge by robot, where it is by part: all parts of a robot are in one group."""
+    merged, first_parts = found.merged, found.robots.robot[robots.first_nodes]
+    whole = robots.robot[found.robots.first_nodes]
+    factors = np.ones(robots.count)
+    np.maximum.at(factors, whole, merged.odometry_factors)
+    candidates = [copy(c) for c in merged.candidates if whole[c.a] != whole[c.b]]
+    for candidate in candidates:
+        candidate.a, candidate.b = int(whole[candidate.a]), int(whole[candidate.b])
+    group = whole[merged.group[first_parts]]
+    return replace(merged, group=group, candidates=candidates, odometry_factors=factors)

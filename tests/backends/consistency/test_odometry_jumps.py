@@ -1,0 +1,81 @@
+"""Robots whose odometry jumps once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wiclosure import se3
+from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
+from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.estimate.pose_graph import optimise
+
+ROBOTS = ("alpha", "beta", "gamma")
+NOISE = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
+T_JUMP = se3.from_yaw(0.5, np.array([8.0, -6.0, 0.0]))
+
+
+def closures_of(team, rng, between=40, reach=60):
+    """True ones within each robot and between each two; up to a keyframe of beta."""
+    ends = [(r, r, *rng.integers(0, 60, 2)) for r in ROBOTS for _ in range(15)]
+    ends += [(a, b, *rng.integers(0, 60, 2)) for a in ROBOTS for b in ROBOTS if a < b for _ in range(between)]
+    return [
+        team.closure((a, int(i)), (b, int(j)), noise=rng)
+        for a, b, i, j in ends
+        if (a != b or abs(i - j) > 5) and all(r != "beta" or n < reach for r, n in ((a, i), (b, j)))
+    ]
+
+
+def jumped(odometry, index, T=T_JUMP):
+    """With the poses from this one on elsewhere."""
+    beta = odometry["beta"]
+    behind = beta.poses[index - 1] @ T @ se3.between(beta.poses[index - 1], beta.poses[index:])
+    return odometry | {"beta": replace(beta, poses=np.concatenate([beta.poses[:index], behind]))}
+
+
+@pytest.mark.parametrize("max_scale", [1, 10])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_step_that_jumps_is_found_and_all_closures_stay(team_maker, seed, max_scale):
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    odometry, closures = jumped(team.odometry, 31), closures_of(team, rng)
+    found = pairwise_consistent(closures, odometry, PcmSettings(noise=NOISE, max_scale=max_scale))
+    assert [(jump.robot, jump.index) for jump in found.jumps] == [("beta", 31)]
+    assert np.linalg.norm(found.jumps[0].error[3:]) == pytest.approx(10.0, rel=0.15)
+    assert "the odometry of beta jumps by" in found.remarks[0]
+    assert "keyframes 30 and 31" in found.remarks[0]
+    result = optimise(found.restated(odometry), found.closures, PoseGraphSettings(noise=NOISE).scaled(found.scale))
+    assert np.mean([c.live for c in result.closures]) > 0.98
+    unharmed = optimise(team.odometry, closures, PoseGraphSettings(noise=NOISE))
+    apart = [
+        se3.between(r.trajectories["alpha"].poses[50], r.trajectories["beta"].poses[50]) for r in (result, unharmed)
+    ]
+    assert np.linalg.norm(se3.log(se3.between(*apart))[3:]) < 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_even_motion_has_no_jump_whatever_false_closures_say(team_maker, seed):
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    ends = rng.integers(0, 60, (120, 2))
+    false = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in ends]
+    found = pairwise_consistent([*closures_of(team, rng), *false], team.odometry, PcmSettings(noise=NOISE))
+    assert found.jumps == ()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_closures_with_one_robot_alone_are_no_proof_of_a_jump(team_maker, seed):
+    """They may be of a long place that looks alike."""
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    closures = closures_of(team, rng, reach=30)
+    T_wrong = se3.from_yaw(0.3, np.array([12.0, 0.0, 0.0]))
+    alpha, beta = (team.truth[r].poses for r in ("alpha", "beta"))
+    alike = [
+        team.remeasured(
+            team.closure(("alpha", n), ("beta", n), noise=rng), T_query_match=se3.between(alpha[n], T_wrong @ beta[n])
+        )
+        for n in range(32, 60)
+    ]
+    found = pairwise_consistent([*closures, *alike], team.odometry, PcmSettings(noise=NOISE))
+    assert found.jumps == ()
+    assert not any(c.live for c in found.closures[len(closures) :])
