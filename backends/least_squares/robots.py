@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wiclosure.backends.least_squares.edges import Edges, degrees_of_true_ones
-from wiclosure.backends.least_squares.variance_components import restated
+from wiclosure.backends.least_squares.variance_components import restated, restated_parts, summed
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 WRITTEN = 1e-6  # rad, m: one sigma of what six decimals leave of a quaternion or a coordinate
@@ -127,25 +127,18 @@ class Robots:
 
         Smaller ones leave in what numbers lose where they are written: measurements without noise have that left.
         """
-        if self.parts is None:
-            return self._with(
-                restated(self.odometry.covariance, factors), restated(self.loops.covariance, factors), factors
-            )
-        rotation, translation = np.broadcast_to(factors, 2)
-        squared = np.array([rotation**2, rotation * translation, translation**2])[:, None, None, None]
-        of_odometry, of_loops = (squared * part for part in self.parts)
-        if np.ndim(factors):
-            found = self._with(of_odometry.sum(axis=0), of_loops.sum(axis=0), factors)
-        else:  # with what was left in before
-            found = self._with(rotation**2 * self.odometry.covariance, rotation**2 * self.loops.covariance, factors)
-        return replace(found, parts=(of_odometry, of_loops))
-
-    def _with(self, of_odometry: FloatArray, of_loops: FloatArray, factors: float | FloatArray) -> Robots:
+        if self.parts is None or not np.ndim(factors):  # one factor: with what was left in before
+            of_edges = [restated(edges.covariance, factors) for edges in (self.odometry, self.loops)]
+        else:
+            of_edges = [summed(of, factors) for of in self.parts]
         odometry, loops = (
             _written(edges, covariance, factors)
-            for edges, covariance in ((self.odometry, of_odometry), (self.loops, of_loops))
+            for edges, covariance in zip((self.odometry, self.loops), of_edges, strict=True)
         )
-        return replace(self, odometry=odometry, loops=loops)
+        parts = None
+        if self.parts is not None:
+            parts = restated_parts(self.parts[0], factors), restated_parts(self.parts[1], factors)
+        return replace(self, odometry=odometry, loops=loops, parts=parts)
 
 
 def _written(edges: Edges, covariance: FloatArray, factors: float | FloatArray) -> Edges:

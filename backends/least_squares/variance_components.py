@@ -91,8 +91,13 @@ def restated(covariance: FloatArray, factors: float | FloatArray) -> FloatArray:
     return np.asarray(covariance * np.outer(times, times))
 
 
-def summed(parts: FloatArray, factors: float | FloatArray) -> FloatArray:
-    """Covariances `(M, 6, 6)` from what is stated of rotation, of both, and of translation `(3, M, 6, 6)`, likewise."""
+def restated_parts(parts: FloatArray, factors: float | FloatArray) -> FloatArray:
+    """What is stated of rotation, of both, and of translation `(3, M, 6, 6)`, likewise."""
     rotation, translation = np.broadcast_to(factors, 2)
     squared = np.array([rotation**2, rotation * translation, translation**2])
-    return np.asarray(np.einsum("p,pnij->nij", squared, parts))
+    return np.asarray(squared[:, None, None, None] * parts)
+
+
+def summed(parts: FloatArray, factors: float | FloatArray) -> FloatArray:
+    """Covariances `(M, 6, 6)` of those parts, likewise."""
+    return np.asarray(restated_parts(parts, factors).sum(axis=0))
