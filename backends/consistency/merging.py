@@ -25,9 +25,7 @@ from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-SEPARATIONS = (
-    2  # of the scale of sigma into components: with the second, those that the first has admitted tell as well
-)
+SEPARATIONS = 2  # of sigma's scale into components: with the second, those that the first has admitted tell as well
 TORN = "what the estimate leaves of its set would not be accepted"
 
 

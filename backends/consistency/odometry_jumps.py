@@ -26,9 +26,7 @@ from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
-WITNESSES = (
-    2  # robots, itself among them, that closures at either part are with: one's may be of a place that looks alike
-)
+WITNESSES = 2  # robots, itself among them, that either part has closures with: one's may be of a look-alike place
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,9 +35,8 @@ def _fitting(robots: Robots, settings: MergeSettings, own: OwnLoops) -> float:
     if everything is None or (known is not None and known > sigma_scale.NO_MATTER):
         as_stated = own.inliers(1.0)
         fitting = _asked_for(as_stated, robots)
-        most_fit = 2 * as_stated.inlier.sum() >= own.within(
-            as_stated, WIDER
-        )  # where sigma is too small, few, by chance
+        # Where sigma is too small, few do, by chance.
+        most_fit = 2 * as_stated.inlier.sum() >= own.within(as_stated, WIDER)
         if fitting is not None and fitting <= sigma_scale.NO_MATTER and most_fit:
             return allowed(fitting, settings)  # the others are false
     if everything is None:

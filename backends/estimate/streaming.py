@@ -70,7 +70,6 @@ class StreamingBackEnd:
         checked = self._consistency.result()
         return optimise(checked.restated(self._odometry), checked.closures, self._settings, earth=self._earth)
 
-    @one_blas_thread
     def extend(self, trajectories: Mapping[str, Trajectory], earth: EarthMeasurements | None = None) -> None:
         """Takes new keyframes in.
 

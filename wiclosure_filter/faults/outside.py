@@ -40,10 +40,10 @@ def clocks_in_doubt(
         log: all measurements.
         settings: of the alignment.
     """
-    prune = [pair for pair, one in alignments.items() if not one.ambiguous or one.likely_alternatives]
-    asked = [pair for pair in prune if not alignments[pair].corrections and len(links[pair]) and links[pair].left_out]
     if not settings.guard.weigh_blunders:
         return {}
+    prune = [pair for pair, one in alignments.items() if not one.ambiguous or one.likely_alternatives]
+    asked = [pair for pair in prune if not alignments[pair].corrections and len(links[pair]) and links[pair].left_out]
     quick, found = quick_settings(settings), {}
     for pair, own in between(log, asked).items():
         objection = _objection(({robot: trajectories[robot] for robot in pair}, own), quick)
