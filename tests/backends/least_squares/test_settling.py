@@ -214,7 +214,7 @@ def flattened(edges):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_loop_that_leaves_the_plane_is_judged_without_giving_the_others_six_unknowns(seed):
-    odometry, loops, _, truth = path(seed)
+    odometry, loops, _, _ = path(seed)
     odometry, loops = flattened(odometry), flattened(loops)
     poses = [np.eye(4)]
     for step in odometry.T:
