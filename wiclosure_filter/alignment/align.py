@@ -134,7 +134,7 @@ class _Chosen:
         contested = "" if selection.ambiguous or second else _contested(followed, settings.guard)
         ambiguous = selection.reason if selection.ambiguous else best.vague or contested
         blunder = "" if indistinct is None else indistinct.sentence
-        extraordinary = best.extraordinary(settings.guard.min_odds)
+        extraordinary = best.extraordinary(settings.guard)
         found = (extraordinary, sentence or slip, misfit, ambiguous, blunder)
         objections = tuple(objection for objection in found if objection)
         few = bool(second or selection.alternatives or contested)
@@ -245,7 +245,8 @@ class _Indistinct:
         frames, observations = best.frames, found.mixture.observations
         if frames is None or not observations.has_bearing.any():
             return None
-        blunders = Blunders.of(frames.w, frames.yaw, links, odometry, best.mixture, best.explanation, found.drift[0])
+        told = best.mixture, best.explanation, found.drift[0], found.prior
+        blunders = Blunders.of(frames.w, frames.yaw, links, odometry, *told)
         likely = blunders.likely(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
         if not likely:
             return None

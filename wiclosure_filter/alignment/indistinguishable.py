@@ -3,7 +3,8 @@
 Robots that move in parallel see each other always in one direction and at one distance.  Then a turned, mirrored or
 reversed azimuth, swapped names and ranges in feet all fit as well as the truth, each with an alignment of its own.  No
 fit tells these apart, but the geometry tells that it cannot: a blunder turns the displacements between the robots, and
-the best rigid transform misses the turned ones by a chi-square that is known beforehand.
+the best rigid transform misses the turned ones by a chi-square that is known beforehand.  Compasses tell how the frames
+are turned: what would turn them contradicts these, unless one of them is off.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -41,6 +43,8 @@ class Blunder:
         sign, offset_rad: azimuths are `sign * azimuth + offset_rad`.
         range_scale: ranges are so many times what the log says.
         swapped: each robot stands under the other's name.
+        compasses: whether they tell how the frames are turned: one may be off, and under swapped names each is the
+            other robot's.
     """
 
     clause: str
@@ -49,6 +53,7 @@ class Blunder:
     offset_rad: float = 0.0
     range_scale: float = 1.0
     swapped: bool = False
+    compasses: bool = True
 
 
 BLUNDERS = (
@@ -62,7 +67,8 @@ BLUNDERS = (
     Blunder("azimuths were clockwise from the right axis", _RARE, -1.0, -np.pi / 2),
     Blunder("azimuths were clockwise and reversed", _RARE, -1.0, np.pi),
     Blunder("ranges were in feet", range_scale=_FEET_M),
-    Blunder("the robots' names were swapped", swapped=True),
+    Blunder("the robots' names were swapped", swapped=True, compasses=False),
+    Blunder("a compass was off", compasses=False),
 )
 _NONE = Blunder("", 1.0)
 
@@ -73,7 +79,7 @@ class Blunders:
 
     Args:
         readings: the blunders.
-        chi2: `(H,)` by which the best rigid transform misses the displacements under each.
+        chi2: `(H,)` by which the best rigid transform misses the displacements and the compasses under each.
         placed_b: `(H, M)` where each transform puts b's antennas in a's odometry axes, x + iy in metres.
         transforms: `(H, 2)` each as a turn of length one, and a shift in metres.
     """
@@ -93,6 +99,7 @@ class Blunders:
         mixture: Mixture,
         explanation: Explanation,
         drift_m: FloatArray,
+        prior: Prior,
     ) -> Blunders:
         """Of an alignment.
 
@@ -104,15 +111,18 @@ class Blunders:
             mixture: likelihood of the measurements.
             explanation: of them by the alignment; leading dimension 1.
             drift_m: `(M,)` standard deviations that a rigid transform is excused for.
+            prior: what compasses tell of the relative yaw.
         """
         readings = (_NONE, *BLUNDERS)
         in_receiver = np.where(links.a_receives[:, None], w[:, :2], -_turned(w[:, :2], -yaw))
         measured = _measured(in_receiver, mixture, explanation)
         in_a, in_b = zip(*_met(readings, measured, links, odometry), strict=True)
         weight = mixture.observations.independence / _variance(w, mixture, explanation, drift_m)
-        chi2, placed_b, transforms = _fitted(np.stack(in_a), np.stack(in_b), links.antenna_b[:, :2], weight)
         scale = np.array([reading.range_scale for reading in readings])  # of the ranges' errors as well
-        return cls(readings, chi2 / scale**2, placed_b, transforms)
+        compass = np.exp(1j * prior.yaw) / prior.yaw_sigma**2 if np.isfinite(prior.yaw) else 0.0
+        pulls = compass * np.array([reading.compasses for reading in readings])
+        met = np.stack(in_a), np.stack(in_b), links.antenna_b[:, :2]
+        return cls(readings, *_fitted(*met, weight / scale[:, None] ** 2, pulls))
 
     @property
     def odds(self) -> FloatArray:
@@ -212,15 +222,19 @@ def _variance(w: FloatArray, mixture: Mixture, explanation: Explanation, drift_m
 
 
 def _fitted(
-    in_a: FloatArray, in_b: FloatArray, b: FloatArray, weight: FloatArray
+    in_a: FloatArray, in_b: FloatArray, b: FloatArray, weight: FloatArray, pulls: ComplexArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Best rigid transforms of `in_b (H, M, 2)` onto `in_a`: see `Blunders`, of which `b (M, 2)` is b's path."""
+    """Best rigid transforms of `in_b (H, M, 2)` onto `in_a`: see `Blunders`, of which `b (M, 2)` is b's path.
+
+    Compasses pull `(H,)` towards a yaw as a von Mises distribution does, by its concentration.
+    """
     p, q, path = (points[..., 0] + 1j * points[..., 1] for points in (in_a, in_b, b))
-    total = weight.sum()
-    middle_p, middle_q = (p @ weight / total)[:, None], (q @ weight / total)[:, None]
-    correlation = ((p - middle_p) * np.conj(q - middle_q)) @ weight
-    turn = np.exp(1j * np.angle(correlation))[:, None]
-    chi2 = np.abs(p - middle_p - turn * (q - middle_q)) ** 2 @ weight
+    total = weight.sum(axis=1, keepdims=True)
+    middle_p, middle_q = ((points * weight).sum(axis=1, keepdims=True) / total for points in (p, q))
+    correlation = ((p - middle_p) * np.conj(q - middle_q) * weight).sum(axis=1)
+    turn = np.exp(1j * np.angle(correlation + pulls))[:, None]
+    chi2 = (np.abs(p - middle_p - turn * (q - middle_q)) ** 2 * weight).sum(axis=1)
+    chi2 += 2 * (np.abs(pulls) - np.real(np.conj(turn[:, 0]) * pulls))
     shift = middle_p - turn * middle_q
     return chi2, turn * path + shift, np.concatenate([turn, shift], axis=1)
 

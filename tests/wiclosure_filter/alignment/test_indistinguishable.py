@@ -11,6 +11,7 @@ from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
 from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 
@@ -46,8 +47,8 @@ def blunders(a: FloatArray, b: FloatArray) -> Blunders:
     mixture, (drift_m, _) = problem.anchored_at(len(links) // 2)
     state = problem.observations.state(np.eye(4))
     w = displacements_in_a(state[None], problem.observations)[1][0]
-    none = np.zeros(len(links))
-    return Blunders.of(w, none, links, problem.odometry, mixture, explained(state, mixture), 0.1 + 0 * drift_m)
+    none, prior = np.zeros(len(links)), Prior.of(problem.observations, use_headings=True, height_sigma_m=1.0)
+    return Blunders.of(w, none, links, problem.odometry, mixture, explained(state, mixture), 0.1 + 0 * drift_m, prior)
 
 
 def row(found: Blunders, clause: str) -> int:
