@@ -232,7 +232,10 @@ class _Peaks:
 
 @dataclass(frozen=True, eq=False)
 class _Indistinct:
-    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each."""
+    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each.
+
+    Of none where it may all be a reflection, which tells no place.
+    """
 
     sentence: str
     hypotheses: tuple[AlignmentHypothesis, ...]
@@ -248,9 +251,12 @@ class _Indistinct:
         told = best.mixture, best.explanation, found.drift[0], found.prior
         blunders = Blunders.of(frames.w, frames.yaw, links, odometry, *told)
         likely = blunders.likely(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
-        if not likely:
+        objection = blunders.objection(likely, guard.min_odds)
+        if not objection:
             return None
-        return cls(blunders.objection(likely), tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
+        if blunders.image_odds * guard.min_odds >= 1.0:
+            return cls(objection, ())
+        return cls(objection, tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:
