@@ -263,7 +263,7 @@ def _fitted(
 
 
 def _log_i0(x: FloatArray) -> FloatArray:
-    """Natural logarithm of the modified Bessel function of order 0: 2 pi times it is a von Mises distribution's norm."""
+    """Natural logarithm of the modified Bessel function of order 0, the norm of von Mises distributions over 2 pi."""
     return np.asarray(np.log(i0e(x)) + x)
 
 
