@@ -128,8 +128,8 @@ class Blunders:
         in_a, in_b = zip(*_met(readings, measured, links, odometry), strict=True)
         weight = mixture.observations.independence / _variance(w, mixture, explanation, drift_m)
         scale = np.array([reading.range_scale for reading in readings])  # of the ranges' errors as well
-        compass = np.exp(1j * prior.yaw) / prior.yaw_sigma**2 if np.isfinite(prior.yaw) else 0.0
-        pulls = compass * np.array([reading.compasses for reading in readings])
+        compass = np.exp(1j * prior.yaw) / prior.yaw_sigma**2 if np.isfinite(prior.yaw) else 0j
+        pulls = np.array([compass * reading.compasses for reading in readings])
         met = np.stack(in_a), np.stack(in_b), links.antenna_b[:, :2]
         return cls(readings, *_fitted(*met, weight / scale[:, None] ** 2, pulls))
 
@@ -230,7 +230,7 @@ def _met(
         read = reading.range_scale * seen * [1.0, reading.sign]
         told = _turned(read, (axes_of_other if reading.swapped else axes) + reading.offset_rad)
         at_a = receives != reading.swapped
-        mirror = [1.0, -1.0] if reading.image else [1.0, 1.0]
+        mirror = np.array([1.0, -1.0 if reading.image else 1.0])
         yield in_a + np.where(at_a, told, 0.0), mirror * (in_b + np.where(at_a, 0.0, told))
 
 
