@@ -80,9 +80,9 @@ class OwnClaims:
     @cached_property
     def claims(self) -> Claims:
         """With samples of the errors of odometry, which loops share."""
-        poses, wander, ends = self.robots.poses, _wander(self.robots), (self.first, self.second)
-        at, errors = (poses[end] for end in ends), (wander[end] for end in ends)
-        return Claims(*at, self.T, self.covariance, *errors)
+        T_a, T_b = self.robots.poses[self.first], self.robots.poses[self.second]
+        wander = _wander(self.robots)
+        return Claims(T_a, T_b, self.T, self.covariance, wander[self.first], wander[self.second])
 
     def refuted(self, limit: float) -> BoolArray:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""

@@ -243,13 +243,12 @@ class _Check:
         flat = system.staying(poses)
         inside, of_inside = _starting(system.subset(flat), poses, noise[flat])
         outside = system.subset(~flat).moved_as(part)
-        found = cls(*(np.zeros((len(flat), len(part.free))) for _ in range(2)), np.empty(len(flat)))
-        checked = cls._alike(inside, poses, moved, of_inside)
-        found.residuals[flat], found.expected[flat], found.distance[flat] = (
-            checked.residuals, checked.expected, checked.distance
-        )  # fmt: skip
-        found.distance[~flat] = cls._alike(outside, poses, moved, noise[~flat]).distance
-        return found
+        within = cls._alike(inside, poses, moved, of_inside)
+        residuals, expected = np.zeros((2, len(flat), len(part.free)))
+        residuals[flat], expected[flat], distance = within.residuals, within.expected, np.empty(len(flat))
+        distance[flat] = within.distance
+        distance[~flat] = cls._alike(outside, poses, moved, noise[~flat]).distance
+        return cls(residuals, expected, distance)
 
     @classmethod
     def _alike(cls, system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
