@@ -91,6 +91,12 @@ class Calibration:
         return self.value / told, self.sigma / math.sqrt(told)
 
     @property
+    def as_blunder(self) -> float:
+        """The estimate if the error is of a blunder's size: the measurements then tell nearly all of it."""
+        value, sigma = self.measured
+        return value / (1 + (sigma / self.blunder_sigma) ** 2)
+
+    @property
     def told(self) -> bool:
         """Whether the measurements tell it at all: better than within ten times its usual size."""
         return self.measured[1] < self.blunder_sigma
