@@ -203,3 +203,40 @@ def test_what_the_others_predict_is_an_inlier_even_where_rounds_end_early():
     for rounds in (3, 12):
         found = settle(steps, loops, inlier, everyone, poses, np.array([0]), 40.0, rounds)
         assert found.inlier.tolist() == [True] + [False] * 5
+
+
+def flattened(edges):
+    """The same measurements without roll, pitch and height."""
+    xi = se3.log(edges.T)
+    xi[:, [0, 1, 5]] = 0.0
+    return Edges(edges.first, edges.second, se3.exp(xi), edges.covariance)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_loop_that_leaves_the_plane_is_judged_without_giving_the_others_six_unknowns(seed):
+    odometry, loops, _, _ = path(seed)
+    odometry, loops = flattened(odometry), flattened(loops)
+    poses = [np.eye(4)]
+    for step in odometry.T:
+        poses.append(poses[-1] @ step)
+    start, kept = np.stack(poses), np.arange(12) != 4
+    alone = settled(odometry, loops.subset(kept), start)
+    lifted = Edges(loops.first, loops.second, loops.T.copy(), loops.covariance)
+    lifted.T[4, 2, 3] += 0.5  # ten sigma
+    found = settled(odometry, lifted, start, inlier=kept)
+    assert found.inlier.tolist() == kept.tolist()
+    assert 80 < found.distance[4] < 120
+    np.testing.assert_allclose(found.poses, alone.poses, atol=1e-6)
+    assert not found.wander[:, [0, 1, 5]].any()
+    np.testing.assert_allclose(found.distance[kept], alone.distance, rtol=0.6, atol=1.0)  # by other samples
+
+
+def test_a_loop_that_leaves_the_plane_within_its_noise_is_admitted():
+    odometry, loops, _, truth = path(1)
+    odometry, loops = flattened(odometry), flattened(loops)
+    start, kept = se3.between(truth[0], truth), np.arange(12) != 4
+    lifted = Edges(loops.first, loops.second, loops.T.copy(), loops.covariance)
+    lifted.T[4, 2, 3] += 0.05  # one sigma
+    found = settled(odometry, lifted, start, inlier=kept)
+    assert found.inlier.all()
+    assert found.wander[:, 5].any()  # the height is unknown now
