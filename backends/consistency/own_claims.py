@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import SAMPLES, outlier_limit
+from wiclosure.backends.least_squares.sampled_estimate import SAMPLES
+from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.least_squares.system import LEAST_VARIANCE
 from wiclosure.backends.sets.claims import Claims
 from wiclosure.types import BoolArray, FloatArray, IntArray
