@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wiclosure.backends.least_squares.downdated import Downdated
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.system import Descent, System
-from wiclosure.types import BoolArray, FloatArray
+from wiclosure.types import FloatArray
 
 SAMPLES = 100  # of the noise: a sampled 6 x 6 covariance is then exact to some ten per cent
-FEW = SAMPLES // 2  # residuals of edges that are gone, up to which the same factors are cheaper than new samples
 REDUNDANCY_FLOOR = 1e-5  # of a closure that nothing checks
 EDGES_AT_ONCE = 1024  # bounds memory
 
@@ -23,39 +21,22 @@ class SampledEstimate:
 
     Args:
         system: the edges.
-        noise: `(M, D, S)` samples of their whitened errors.
-        descent: the poses, and the factors at them.
-        moved: `(N, 6, S)` what the noise does to the poses, as tangent vectors in the bodies.
+        poses: `(N, 4, 4)`.
+        moved: `(N, 6, S)` what noise does to the poses, as tangent vectors in the bodies.
     """
 
     system: System
-    noise: FloatArray
-    descent: Descent
+    poses: FloatArray
     moved: FloatArray
 
     @classmethod
     def of(cls, system: System, noise: FloatArray, descent: Descent) -> SampledEstimate:
-        """At the poses of a descent."""
-        return cls(system, noise, descent, system.spread(descent, noise))
-
-    def without(self, gone: BoolArray) -> SampledEstimate | None:
-        """By all edges but a few `(M,)`, from the same factors; None where these no longer serve."""
-        edges, left = self.system.edges.subset(gone), ~gone
-        if self.descent.last is None or len(edges) * len(self.system.compared) > FEW:
-            return None
-        (A, B), of_all = self.descent.last
-        factors = Downdated.without(of_all, edges.first, edges.second, (A[gone], B[gone]), self.system.size)
-        if factors is None:
-            return None
-        system = self.system.subset(left)
-        descent = system.refined(self.descent.poses, (A[left], B[left]), factors)
-        moved = factors.less(self.moved[:, system.free], self.noise[gone])
-        found = SampledEstimate(system, self.noise[left], descent, system.tangents(moved))
-        return found if descent.converged else None
+        """At the poses of a descent, by whitened noise `(M, D, S)` of the edges."""
+        return cls(system, descent.poses, system.spread(descent, noise))
 
     def check(self, system: System, noise: FloatArray) -> Check:
         """The edges of a system, of which this one's are a part, with noise `(M, D, S)`."""
-        poses, moved = self.descent.poses, self.moved
+        poses, moved = self.poses, self.moved
         if len(self.system.free) == len(system.free):
             return Check.of(system, noise, poses, moved)
         flat = system.staying(poses)

@@ -120,28 +120,25 @@ def settle(
     noise = rng.normal(size=(len(system.edges), len(system.compared), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
     degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
-    estimate: SampledEstimate | None = None
     for step in range(rounds):
         used, last = np.concatenate([np.ones(count, bool), kept]), step == rounds - 1
-        if estimate is None:
-            part, of_part = starting(system.subset(used), noise[used], poses)
-            start = poses if converged else cheaper_start(part, poses)
-            descent = part.descent(start, np.ones(len(part.edges)), STEPS if last else FEW_STEPS)
-            if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
-                at_start = SampledEstimate.of(part, of_part, Descent(start, False)).check(system, noise)
-                _, drop, _ = _changes(at_start.distance[count:], kept, locked, limit, degrees)
-                if drop.any():
-                    kept, locked = kept & ~drop, locked + drop
-                    continue
-                descent = part.descent(descent.poses, np.ones(len(part.edges)))
-            estimate = SampledEstimate.of(part, of_part, descent)
-        poses, moved, check = estimate.descent.poses, estimate.moved, estimate.check(system, noise)
+        part, of_part = starting(system.subset(used), noise[used], poses)
+        start, ones = poses if converged else cheaper_start(part, poses), np.ones(len(part.edges))
+        descent = part.descent(start, ones, STEPS if last else FEW_STEPS)
+        if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
+            at_start = SampledEstimate.of(part, of_part, Descent(start, False)).check(system, noise)
+            _, drop, _ = _changes(at_start.distance[count:], kept, locked, limit, degrees)
+            if drop.any():
+                kept, locked = kept & ~drop, locked + drop
+                continue
+            descent = part.descent(descent.poses, ones)
+        estimate = SampledEstimate.of(part, of_part, descent)
+        poses, check = estimate.poses, estimate.check(system, noise)
         of_loops = check.distance[count:]
         bound, drop, admit = _changes(of_loops, kept, locked, limit, degrees)
         if last or not (drop.any() or admit.any()):
             break
         locked += drop
-        estimate = estimate.without(np.concatenate([np.zeros(count, bool), drop])[used]) if drop.any() else None
         kept, converged = (kept & ~drop) | admit, not drop.any()  # what bent the estimate may have led it astray
     found, mask = np.full(len(loops), np.nan), np.zeros(len(loops), bool)
     predicted = kept | ((locked < 2) & (rounds > 1))  # where rounds ended early, some are not admitted yet
@@ -149,7 +146,7 @@ def settle(
     used = np.concatenate([np.ones(count, bool), kept])
     components = VarianceComponents.of(check.residuals[used], check.expected[used], degrees)
     redundant = check.distance[used & (check.expected.mean(axis=1) > CHECKED)]
-    return Settled(poses, se3.adjoint(poses) @ moved, mask, found, redundant, components)
+    return Settled(poses, se3.adjoint(poses) @ estimate.moved, mask, found, redundant, components)
 
 
 def _changes(

@@ -13,9 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.downdated import Factors
 from wiclosure.backends.least_squares.edges import DEGREES, Edges, in_plane
-from wiclosure.backends.least_squares.normal_matrix import NormalMatrix
+from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 150  # of Levenberg-Marquardt, those taken back included
@@ -42,7 +41,7 @@ class Descent:
 
     poses: FloatArray
     converged: bool
-    last: tuple[tuple[FloatArray, FloatArray], Factors] | None = None
+    last: tuple[tuple[FloatArray, FloatArray], Factorised] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,15 +146,9 @@ class System:
         else:
             J = self.jacobians(descent.poses)
             factorised = self.normal.factorised(*J, np.ones(len(self.edges)), self.held, 0.0)
-        return self.tangents(factorised.solve(-self.gradient(J, noise)))
+        return self._tangents(factorised.solve(-self.gradient(J, noise)))
 
-    def refined(self, poses: FloatArray, jacobians: tuple[FloatArray, FloatArray], factors: Factors) -> Descent:
-        """Steps with factors that are at hand, of derivatives near the poses `(N, 4, 4)`, as long as these serve."""
-        ones = np.ones(len(self.edges))
-        at, decrease = self._again(self._linearised(poses, ones), np.inf, factors, ones)
-        return Descent(at.poses, decrease <= CONVERGED * (at.cost + 1e-9), (jacobians, factors))
-
-    def tangents(self, moved: FloatArray) -> FloatArray:
+    def _tangents(self, moved: FloatArray) -> FloatArray:
         """`(N, 6, ...)` of movements `(N, K, ...)`."""
         if len(self.free) == DEGREES:
             return moved
@@ -187,7 +180,7 @@ class System:
         return Descent(at.poses, False)
 
     def _again(
-        self, at: _Linearised, decrease: float, factorised: Factors, w: FloatArray
+        self, at: _Linearised, decrease: float, factorised: Factorised, w: FloatArray
     ) -> tuple[_Linearised, float]:
         """More steps with the same factors, as long as each lowers the cost by a small part of what the last one did.
 
@@ -207,7 +200,7 @@ class System:
         return at, decrease
 
     def _moved(self, at: _Linearised, step: FloatArray, w: FloatArray) -> _Linearised:
-        return self._linearised(at.poses @ se3.exp(self.tangents(step)), w)
+        return self._linearised(at.poses @ se3.exp(self._tangents(step)), w)
 
     def _linearised(self, poses: FloatArray, w: FloatArray) -> _Linearised:
         jacobians, residuals = self.jacobians(poses), self.residuals(poses)
