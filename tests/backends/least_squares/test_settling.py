@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost
+from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.graduated import MU_GROWTH, NEWTON_STEPS, graduated
 from wiclosure.backends.least_squares.settling import (
     Settled,
