@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.consistency.jump_places import place_to_cut
+from wiclosure.backends.consistency.jump_places import most_strained, place_to_cut
 from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
 from wiclosure.types import FloatArray, IntArray, Trajectory
@@ -36,10 +36,12 @@ class Jump:
     Args:
         node: the first behind it.
         error: `(6,)` tangent vector from what odometry says of the step to what closures do.
+        stretch: the last node before it and the first behind it that have accepted closures: it may be between any two.
     """
 
     node: int
     error: FloatArray
+    stretch: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,15 +60,15 @@ class OdometryJump:
 
     @classmethod
     def of_team(cls, team: TeamArrays, jump: Jump, trajectories: Mapping[str, Trajectory]) -> OdometryJump:
-        """In the names and keyframes of a team; of the steps between two nodes, that which leaves the shortest path."""
+        """In the names and keyframes of a team; of the steps that it may be, that which leaves the shortest path."""
+        robot, first = int(team.robots.robot[jump.node]), team.robots.first_nodes
+        nodes, trajectory = team.nodes[team.names[robot]], trajectories[team.names[robot]]
         odometry, step = team.robots.odometry, team.robots.steps_across(jump.node)
-        robot = int(team.robots.robot[jump.node])
-        nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
-        before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
-        trajectory = trajectories[team.names[robot]]
+        ends = (odometry.first[step][0], jump.node) if trajectory.parents is not None else jump.stretch
+        before, after, node = (int(nodes[n - first[robot]]) for n in (*ends, jump.node))
         rows = [before, after] if trajectory.parents is not None else slice(before, after + 1)
-        T = trajectory.poses[rows]
-        behind = T[-1] @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
+        T, T_node = trajectory.poses[rows], trajectory.poses[node]
+        behind = T_node @ se3.exp(jump.error) @ se3.inverse(T_node) @ T[1:]  # by closures
         stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
         longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
         best = int(np.argmin(longer))
@@ -101,11 +103,26 @@ class _Explanation:
         robots = self.robots.cut(node)
         return _Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
 
-    def gained(self, before: _Explanation, settings: MergeSettings) -> int:
-        """Closures that are accepted in addition; 0 where too many no longer are."""
-        now, then = self.merged.inlier, before.merged.inlier
-        more, less = int((now & ~then).sum()), int((then & ~now).sum())
-        return more - less if less <= (1.0 - settings.ambiguous_share) * more else 0
+    def cost(self, settings: MergeSettings) -> float:
+        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
+        merged, of = self.merged, self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+        odometry, loops = (
+            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance) for edges in (of.odometry, of.loops)
+        )
+        scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
+        loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
+        of_loops = np.where(merged.inlier, loops + scaled, cost_of_rejected(of, settings))
+        return float((odometry + loosened + scaled).sum() + of_loops.sum())
+
+    def gained(self, before: _Explanation, settings: MergeSettings) -> float:
+        """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
+        gained = before.cost(settings) - self.cost(settings)
+        return gained if gained > SATURATED * cost_of_rejected(self.robots, settings) else 0.0
+
+
+def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
+    """Of one closure, as a squared distance."""
+    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
 
 
 def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> tuple[MergedGroups, list[Jump]]:
@@ -122,43 +139,56 @@ def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> tuple[Merged
 
 def _best(robots: Robots, found: _Explanation, settings: MergeSettings) -> _Explanation | None:
     """With one robot's jumps, where no other's explain about as many closures."""
-    of_robots: list[tuple[int, _Explanation]] = []
+    of_robots: list[tuple[float, _Explanation]] = []
     for robot in range(robots.count):
         nodes = np.flatnonzero(robots.robot == robot)
         cut = _with_cuts(robots, found, nodes, settings)
-        gained = 0 if cut is None else cut.gained(found, settings)
+        gained = 0.0 if cut is None else cut.gained(found, settings)
         if cut is not None and gained:
             of_robots.append((gained, cut))
     of_robots.sort(key=lambda of: of[0], reverse=True)
-    if not of_robots or (len(of_robots) > 1 and of_robots[1][0] >= settings.ambiguous_share * of_robots[0][0]):
+    if not of_robots:
         return None
-    return of_robots[0][1]
+    (most, best), *others = of_robots
+    for gained, other in others:
+        if most - gained > SATURATED * cost_of_rejected(robots, settings):
+            break
+        both = best
+        for node in set(other.nodes) - set(found.nodes):
+            both = both.cut(node, settings)
+        if not both.gained(best, settings):  # either explains the same
+            return None
+    return best
 
 
 def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation | None:
     """Cut within the nodes of one robot as long as it gains; None where that explains nothing."""
     best = found
     while True:
-        node = place_to_cut(best.robots, best.merged, nodes, settings)
-        tried = None if node is None else best.cut(node, settings)
-        if tried is None or not tried.gained(best, settings):
+        places = {place_to_cut(best.robots, best.merged, nodes, settings), most_strained(best.robots, best.merged, nodes)}
+        tried = [best.cut(node, settings) for node in places if node is not None]
+        gained = [explanation.gained(best, settings) for explanation in tried]
+        if not any(gained):
             break
-        best = tried
+        best = tried[int(np.argmax(gained))]
     needed = [node for node in best.nodes if node in found.nodes or _contradicted(robots, best, node)]
     if len(needed) < len(best.nodes):
         best = found
         for node in needed:
             best = best if node in found.nodes else best.cut(node, settings)
     new = [node for node in best.nodes if node not in found.nodes]
-    if not new or not all(_joined(robots, best, node, settings) for node in new):
+    if not new or not all(_joined(robots, best, node, found, settings) for node in new):
         return None
     return best
 
 
-def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSettings) -> bool:
-    """Whether both parts are in one group, and join it at as many places, over as much of the path, as join robots."""
+def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation, settings: MergeSettings) -> bool:
+    """Whether both parts are in one group, each by closures at as many places and over as much as one look-alike has not.
+
+    Those that were rejected before must be with two robots: of one alone they may be of a long place that looks alike.
+    """
     cut, merged = found.robots, found.merged
-    sides, robot = (int(cut.robot[node - 1]), int(cut.robot[node])), int(robots.robot[node])
+    sides = (int(cut.robot[node - 1]), int(cut.robot[node]))
     if merged.group[sides[0]] != merged.group[sides[1]]:
         return False
     ends = cut.loop_ends
@@ -168,12 +198,12 @@ def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSetti
         rows = np.flatnonzero(merged.inlier & ((of_ends == side).sum(axis=0) == 1))
         if not len(rows) or count_places(cut, rows, view_m, SATURATED) < SATURATED:
             return False
-        along_m = cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]
-        if np.ptp(along_m) < LEAST_COVERAGE * robots.length_m[robot]:
+        if np.ptp(cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]) < view_m:
             return False
         partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
         of_partners = (rows[partners == partner] for partner in np.unique(partners))
-        if sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners) < WITNESSES:
+        witnesses = sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners)
+        if witnesses < WITNESSES and 2 * before.merged.inlier[rows].sum() <= len(rows):
             return False
     return True
 
@@ -184,13 +214,18 @@ def _contradicted(robots: Robots, found: _Explanation, node: int) -> bool:
     settled, (a, b) = found.merged.settled, (step.first, step.second)
     apart = se3.adjoint(se3.inverse(settled.poses[b])) @ (settled.wander[b] - settled.wander[a])
     covariance = step.covariance + apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
-    distance = mahalanobis_squared(_jump(robots, found, node).error[None], covariance)[0]
+    error = se3.log(se3.between(step.T, se3.between(settled.poses[a], settled.poses[b])))
+    distance = mahalanobis_squared(error, covariance)[0]
     return bool(distance > outlier_limit(len(robots.odometry), 1.0 - EXPECTED_BY_CHANCE, robots.degrees))
 
 
 def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
     step, poses = robots.odometry.subset(robots.steps_across(node)), found.merged.settled.poses
-    return Jump(node, se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0])
+    error = se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0]
+    held = np.unique(robots.loop_ends[:, found.merged.inlier])
+    of_ends, (before, after) = found.robots.robot[held], found.robots.robot[[node - 1, node]]
+    last, following = held[of_ends == before].max(), held[of_ends == after].min()  # parts that are joined have some
+    return Jump(node, error, (int(last), int(following)))
 
 
 def _of_whole_robots(robots: Robots, found: _Explanation) -> MergedGroups:
