@@ -81,11 +81,25 @@ class OdometryJump:
         return np.diag(np.repeat([np.sum(part**2) for part in (self.error[:3], self.error[3:])], 3))
 
     @property
+    def size(self) -> str:
+        """In metres and degrees."""
+        metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
+        return f"{metres:.1f} m and {degrees:.0f} degrees"
+
+    @property
+    def doubt(self) -> str:
+        """Where it is not believed, for the user."""
+        return (
+            f"the map may be wrong: its closures fit far better if the odometry of {self.robot} jumps by {self.size}"
+            f" between its keyframes {self.index - 1} and {self.index}, but false closures or a jump elsewhere would explain"
+            " as much; nothing tells which"
+        )
+
+    @property
     def sentence(self) -> str:
         """For the user."""
-        metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
         return (
-            f"the odometry of {self.robot} jumps by {metres:.1f} m and {degrees:.0f} degrees between its keyframes"
+            f"the odometry of {self.robot} jumps by {self.size} between its keyframes"
             f" {self.index - 1} and {self.index}: closures on both sides tell, and it is not believed there"
         )
 
@@ -107,7 +121,8 @@ class _Explanation:
         """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
         merged, of = self.merged, self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
         odometry, loops = (
-            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance) for edges in (of.odometry, of.loops)
+            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
+            for edges in (of.odometry, of.loops)
         )
         scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
         loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
@@ -117,7 +132,11 @@ class _Explanation:
     def gained(self, before: _Explanation, settings: MergeSettings) -> float:
         """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
         gained = before.cost(settings) - self.cost(settings)
-        return gained if gained > SATURATED * cost_of_rejected(self.robots, settings) else 0.0
+        return gained if gained > self.one_place(settings) else 0.0
+
+    def one_place(self, settings: MergeSettings) -> float:
+        """What rejecting as many closures costs as one place may have."""
+        return SATURATED * cost_of_rejected(self.robots, settings)
 
 
 def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
@@ -125,48 +144,83 @@ def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
     return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
 
 
-def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> tuple[MergedGroups, list[Jump]]:
-    """`merge_groups` and, where closures tell of jumps, what they are; the result is then that of the uncut team."""
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """Cuts of one robot, by how much they lower the cost, and whether enough speaks for them."""
+
+    gained: float
+    explanation: _Explanation
+    told: bool
+
+
+@dataclass(frozen=True, eq=False)
+class JumpDecisions:
+    """What came of it.
+
+    Args:
+        merged: of the uncut team.
+        believed: jumps.
+        open: one that would explain what closures say, of which nothing tells whether it is that or false closures.
+    """
+
+    merged: MergedGroups
+    believed: list[Jump]
+    open: list[Jump]
+
+
+def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> JumpDecisions:
+    """`merge_groups` and, where closures tell of jumps, what they are."""
     found = _Explanation(robots, merge_groups(robots, settings))
     while True:
-        better = _best(robots, found, settings)
+        proposals = _proposals(robots, found, settings)
+        better = _undisputed(proposals, found, settings)
         if better is None:
             break
         found = better
     merged = _of_whole_robots(robots, found) if found.nodes else found.merged
-    return merged, [_jump(robots, found, node) for node in sorted(found.nodes)]
+    left = [(p.explanation, node) for p in proposals[:1] for node in p.explanation.nodes if node not in found.nodes]
+    return JumpDecisions(
+        merged,
+        [_jump(robots, found, node) for node in sorted(found.nodes)],
+        [_jump(robots, explanation, node) for explanation, node in left],
+    )
 
 
-def _best(robots: Robots, found: _Explanation, settings: MergeSettings) -> _Explanation | None:
-    """With one robot's jumps, where no other's explain about as many closures."""
-    of_robots: list[tuple[float, _Explanation]] = []
+def _proposals(robots: Robots, found: _Explanation, settings: MergeSettings) -> list[_Proposal]:
+    """Of each robot, those that explain most first."""
+    proposals = []
     for robot in range(robots.count):
-        nodes = np.flatnonzero(robots.robot == robot)
-        cut = _with_cuts(robots, found, nodes, settings)
-        gained = 0.0 if cut is None else cut.gained(found, settings)
-        if cut is not None and gained:
-            of_robots.append((gained, cut))
-    of_robots.sort(key=lambda of: of[0], reverse=True)
-    if not of_robots:
+        cut = _with_cuts(robots, found, np.flatnonzero(robots.robot == robot), settings)
+        gained = cut.gained(found, settings)
+        if gained:
+            new = [node for node in cut.nodes if node not in found.nodes]
+            told = all(_joined(robots, cut, node, found, settings) for node in new)
+            proposals.append(_Proposal(gained, cut, told))
+    return sorted(proposals, key=lambda proposal: proposal.gained, reverse=True)
+
+
+def _undisputed(proposals: list[_Proposal], found: _Explanation, settings: MergeSettings) -> _Explanation | None:
+    """That which explains most, if enough speaks for it and no other robot's cuts explain the same about as well."""
+    if not proposals or not proposals[0].told:
         return None
-    (most, best), *others = of_robots
-    for gained, other in others:
-        if most - gained > SATURATED * cost_of_rejected(robots, settings):
+    best = proposals[0].explanation
+    for other in proposals[1:]:
+        if proposals[0].gained - other.gained > best.one_place(settings):
             break
         both = best
-        for node in set(other.nodes) - set(found.nodes):
-            both = both.cut(node, settings)
-        if not both.gained(best, settings):  # either explains the same
+        for node in other.explanation.nodes:
+            both = both if node in both.nodes else both.cut(node, settings)
+        if not both.gained(best, settings):
             return None
     return best
 
 
-def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation | None:
-    """Cut within the nodes of one robot as long as it gains; None where that explains nothing."""
+def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation:
+    """Cut within the nodes of one robot as long as it gains, where the estimate refutes odometry's step."""
     best = found
     while True:
-        places = {place_to_cut(best.robots, best.merged, nodes, settings), most_strained(best.robots, best.merged, nodes)}
-        tried = [best.cut(node, settings) for node in places if node is not None]
+        places = place_to_cut(best.robots, best.merged, nodes, settings), most_strained(best.robots, best.merged, nodes)
+        tried = [best.cut(node, settings) for node in dict.fromkeys(places) if node is not None]
         gained = [explanation.gained(best, settings) for explanation in tried]
         if not any(gained):
             break
@@ -176,9 +230,6 @@ def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: M
         best = found
         for node in needed:
             best = best if node in found.nodes else best.cut(node, settings)
-    new = [node for node in best.nodes if node not in found.nodes]
-    if not new or not all(_joined(robots, best, node, found, settings) for node in new):
-        return None
     return best
 
 
@@ -202,7 +253,7 @@ def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation
             return False
         partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
         of_partners = (rows[partners == partner] for partner in np.unique(partners))
-        witnesses = sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners)
+        witnesses = sum(len(of) >= settings.min_size for of in of_partners)
         if witnesses < WITNESSES and 2 * before.merged.inlier[rows].sum() <= len(rows):
             return False
     return True
@@ -224,7 +275,8 @@ def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
     error = se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0]
     held = np.unique(robots.loop_ends[:, found.merged.inlier])
     of_ends, (before, after) = found.robots.robot[held], found.robots.robot[[node - 1, node]]
-    last, following = held[of_ends == before].max(), held[of_ends == after].min()  # parts that are joined have some
+    last = held[of_ends == before].max(initial=found.robots.first_nodes[before])
+    following = held[of_ends == after].min(initial=np.flatnonzero(found.robots.robot == after)[-1])
     return Jump(node, error, (int(last), int(following)))
 
 
