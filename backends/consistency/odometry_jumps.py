@@ -21,7 +21,7 @@ from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, SATURATED
+from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
 from wiclosure.types import FloatArray, IntArray, Trajectory
@@ -91,8 +91,8 @@ class OdometryJump:
         """Where it is not believed, for the user."""
         return (
             f"the map may be wrong: its closures fit far better if the odometry of {self.robot} jumps by {self.size}"
-            f" between its keyframes {self.index - 1} and {self.index}, but false closures or a jump elsewhere would explain"
-            " as much; nothing tells which"
+            f" between its keyframes {self.index - 1} and {self.index}, but false closures or a jump"
+            " elsewhere would explain as much; nothing tells which"
         )
 
     @property
@@ -234,7 +234,7 @@ def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: M
 
 
 def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation, settings: MergeSettings) -> bool:
-    """Whether both parts are in one group, each by closures at as many places and over as much as one look-alike has not.
+    """Whether both parts are in one group, each by closures at more places than one that looks alike has.
 
     Those that were rejected before must be with two robots: of one alone they may be of a long place that looks alike.
     """
@@ -249,10 +249,15 @@ def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation
         rows = np.flatnonzero(merged.inlier & ((of_ends == side).sum(axis=0) == 1))
         if not len(rows) or count_places(cut, rows, view_m, SATURATED) < SATURATED:
             return False
-        if np.ptp(cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]) < view_m:
+        span_m = np.ptp(cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]])
+        if span_m < view_m:
             return False
         partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
-        of_partners = (rows[partners == partner] for partner in np.unique(partners))
+        of_partners = [rows[partners == partner] for partner in np.unique(partners)]
+        if (
+            span_m < LEAST_COVERAGE * robots.length_m[robots.robot[node]]
+        ):  # what looks alike there does so to all robots
+            of_partners = [of for of in of_partners if count_places(cut, of, view_m, settings.min_size) > 1]
         witnesses = sum(len(of) >= settings.min_size for of in of_partners)
         if witnesses < WITNESSES and 2 * before.merged.inlier[rows].sum() <= len(rows):
             return False

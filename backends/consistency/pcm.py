@@ -63,7 +63,7 @@ class PcmResult:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A sentence for each two sets of closures that contradict each other, one accepted, and for what may be a jump."""
+        """A sentence for two sets of closures that contradict each other, one accepted, and for what may be a jump."""
         of_pairs = tuple(pair.doubt for pair in self.pairs if pair.doubt)
         return (*of_pairs, *(jump.doubt for jump in self.open_jumps))
 
@@ -157,7 +157,7 @@ def pairwise_consistent(
         tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of)
         for of in (decided_on.believed, decided_on.open)
     )
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, open_jumps)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
