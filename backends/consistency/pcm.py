@@ -153,10 +153,8 @@ def pairwise_consistent(
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
-    jumps, open_jumps = (
-        tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of)
-        for of in (decided_on.believed, decided_on.open)
-    )
+    of_both = decided_on.believed, decided_on.open
+    jumps, left_open = (tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of) for of in of_both)
     return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open)
 
 
