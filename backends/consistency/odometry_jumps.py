@@ -1,14 +1,12 @@
 """Odometry that jumps, as that of a robot that was carried elsewhere does: that step is not believed, all else is.
 
-Behind a jump, closures are rejected that agree with each other.  Where rejected closures of a robot lie on one side of
-a place along its path, and a set of them would hold by the ordinary rules, the robot is cut there into two, and all is
-merged again.  The jump is believed where both parts join one group at places over as much of the whole path as joins a
-robot to another, what was accepted before stays, and no other robot's jump explains as much.
+Behind a jump, closures are rejected that agree with each other, or bend the estimate.  The robot is cut there into two,
+and all is merged again.  The jump is believed where that lowers the cost by more than one look-alike place would, both
+parts join one group at more places than one has, and no other robot's jump explains as much.  Else it is left open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -20,88 +18,13 @@ from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
-from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.odometry_jump import Jump
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import IntArray
 
 WITNESSES = 2  # robots, itself among them, that either part has closures with: one's may be of a look-alike place
-
-
-@dataclass(frozen=True, eq=False)
-class Jump:
-    """A step of odometry that closures contradict.
-
-    Args:
-        node: the first behind it.
-        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
-        stretch: the last node before it and the first behind it that have accepted closures: it may be between any two.
-    """
-
-    node: int
-    error: FloatArray
-    stretch: tuple[int, int]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OdometryJump:
-    """A step of a robot's odometry that is not believed.
-
-    Args:
-        robot: its name.
-        index: the keyframe behind it.
-        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
-    """
-
-    robot: str
-    index: int
-    error: FloatArray
-
-    @classmethod
-    def of_team(cls, team: TeamArrays, jump: Jump, trajectories: Mapping[str, Trajectory]) -> OdometryJump:
-        """In the names and keyframes of a team; of the steps that it may be, that which leaves the shortest path."""
-        robot, first = int(team.robots.robot[jump.node]), team.robots.first_nodes
-        nodes, trajectory = team.nodes[team.names[robot]], trajectories[team.names[robot]]
-        odometry, step = team.robots.odometry, team.robots.steps_across(jump.node)
-        ends = (odometry.first[step][0], jump.node) if trajectory.parents is not None else jump.stretch
-        before, after, node = (int(nodes[n - first[robot]]) for n in (*ends, jump.node))
-        rows = [before, after] if trajectory.parents is not None else slice(before, after + 1)
-        T, T_node = trajectory.poses[rows], trajectory.poses[node]
-        behind = T_node @ se3.exp(jump.error) @ se3.inverse(T_node) @ T[1:]  # by closures
-        stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
-        longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
-        best = int(np.argmin(longer))
-        error = se3.log(se3.between(stated[best], corrected[best])[None])[0]
-        return cls(team.names[robot], after - (len(T) - 2) + best, error)
-
-    @property
-    def covariance(self) -> FloatArray:
-        """`(6, 6)` under which the jump is one sigma, in whatever direction."""
-        return np.diag(np.repeat([np.sum(part**2) for part in (self.error[:3], self.error[3:])], 3))
-
-    @property
-    def size(self) -> str:
-        """In metres and degrees."""
-        metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
-        return f"{metres:.1f} m and {degrees:.0f} degrees"
-
-    @property
-    def doubt(self) -> str:
-        """Where it is not believed, for the user."""
-        return (
-            f"the map may be wrong: its closures fit far better if the odometry of {self.robot} jumps by {self.size}"
-            f" between its keyframes {self.index - 1} and {self.index}, but false closures or a jump"
-            " elsewhere would explain as much; nothing tells which"
-        )
-
-    @property
-    def sentence(self) -> str:
-        """For the user."""
-        return (
-            f"the odometry of {self.robot} jumps by {self.size} between its keyframes"
-            f" {self.index - 1} and {self.index}: closures on both sides tell, and it is not believed there"
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,10 @@ from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, 
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
 from wiclosure.backends.consistency.merging import MergedGroups
-from wiclosure.backends.consistency.odometry_jumps import OdometryJump, merge_despite_jumps
+from wiclosure.backends.consistency.odometry_jumps import merge_despite_jumps
 from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
