@@ -55,8 +55,7 @@ def test_the_step_that_jumps_is_found_and_all_closures_stay(team_maker, seed, ma
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_jump_that_bends_the_estimate_is_found_though_no_closure_is_rejected(team_maker, seed):
-    """Few contradict each other; the strain of odometry tells, and the shortest path where it is between closures."""
+def test_a_jump_far_from_closures_is_where_the_path_becomes_shortest(team_maker, seed):
     team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
     odometry, closures = jumped(team.odometry, 31), closures_of(team, rng, between=12)
     apart = [c for c in closures if not any(k.robot == "beta" and 24 < k.index < 38 for k in (c.query, c.match))]

@@ -203,3 +203,22 @@ def test_what_the_others_predict_is_an_inlier_even_where_rounds_end_early():
     for rounds in (3, 12):
         found = settle(steps, loops, inlier, everyone, poses, np.array([0]), 40.0, rounds)
         assert found.inlier.tolist() == [True] + [False] * 5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_strain_of_a_step_is_by_how_much_leaving_it_out_lowers_the_cost(seed):
+    odometry, loops, poses, _ = path(seed)
+    bent = odometry.T.copy()
+    bent[14] = bent[14] @ se3.from_yaw(0.05, np.array([0.3, -0.2, 0.0]))
+    odometry = Edges(odometry.first, odometry.second, bent, odometry.covariance)
+    found = settle(odometry, loops, np.ones(12, bool), np.ones(12, bool), poses, HELD, np.inf)
+
+    def least_cost(rows):
+        edges = odometry.subset(rows) + loops
+        system = System.of(edges, found.poses, HELD)
+        return system.cost(system.solved(found.poses))
+
+    every = np.ones(NODES - 1, bool)
+    drops = [least_cost(every) - least_cost(every & (np.arange(NODES - 1) != k)) for k in (10, 14, 18)]
+    assert found.strain.shape == (NODES - 1,)
+    assert found.strain[[10, 14, 18]] == pytest.approx(drops, rel=0.5)  # the covariance is sampled
