@@ -39,6 +39,11 @@ def sometimes_longer(m: WirelessMeasurement) -> WirelessMeasurement:
     return replace(m, range_m=(m.range_m or 0.0) + m.stamp_ns // 1_000_000_000 // 4 % 2 * 5.0)
 
 
+def _times(factor: float) -> Callable[[WirelessMeasurement], WirelessMeasurement]:
+    """Ranges in another unit, or by another speed of light."""
+    return lambda m: replace(m, range_m=(m.range_m or 0.0) * factor)
+
+
 def fast_clock(case: Case, _: np.random.Generator) -> Case:
     """Robot b's clock runs 3 % too fast."""
     b = case.odometry["b"]
@@ -142,6 +147,10 @@ _DRAWN = tuple(fault.spoil for fault in FAULTS[5:] if fault.robots == 2)
 # No correction knows these.
 UNSEEN = (
     Fault("ranges bent by distance", 3, spoil=each(lambda m: replace(m, range_m=(m.range_m or 0.0) ** 2 / 20.0))),
+    Fault("ranges in yards", 3, spoil=each(_times(1 / 0.9144)), words=("range",)),
+    Fault("ranges of light in a cable", 3, spoil=each(_times(1.5)), words=("range",)),
+    Fault("azimuth in gradians", 3, spoil=each_path(lambda a: a * 200 / np.pi), words=("azimuths",)),
+    Fault("odometry in mph", 3, spoil=scaled(1.609), words=("odometry", "ranges")),
     Fault("azimuths halved", 3, spoil=each_path(lambda a: a / 2)),
     Fault("half of the ranges +5 m", 3, spoil=each(sometimes_longer)),
     Fault("receiver gets stuck", 3, spoil=of_log(stuck)),

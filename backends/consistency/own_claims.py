@@ -29,31 +29,60 @@ class OwnClaims:
     """Loops within robots `(N,)`, each from its earlier end to the later.
 
     Args:
-        claims: `T_A_B` of a robot in itself: the identity as odometry has it.
-        robot: `(N,)` of each.
-        along_m: `(N, 2)` way from the robot's first keyframe to both ends.
+        robots: the team.
+        first, second: `(N,)` nodes of the ends.
+        T: `(N, 4, 4)` the measurements.
+        covariance: `(N, 6, 6)` of them.
     """
 
-    claims: Claims
-    robot: IntArray
-    along_m: FloatArray
+    robots: Robots
+    first: IntArray
+    second: IntArray
+    T: FloatArray
+    covariance: FloatArray
 
     @classmethod
     def of(cls, robots: Robots) -> OwnClaims:
         """Of the rows at `robots.own`, in their order."""
-        loops, wander = robots.loops.subset(robots.own), _wander(robots)
+        loops = robots.loops.subset(robots.own)
         turned = loops.first > loops.second
-        T, covariance = loops.T.copy(), loops.covariance.copy()
-        covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
-        T[turned] = se3.inverse(T[turned])
-        a, b = np.minimum(loops.first, loops.second), np.maximum(loops.first, loops.second)
-        claims = Claims(robots.poses[a], robots.poses[b], T, covariance, wander[a], wander[b])
-        return cls(claims, robots.robot[a], np.stack([robots.along_m[a], robots.along_m[b]], axis=1))
+        loops.covariance[turned] = se3.inverse_covariance(loops.T[turned], loops.covariance[turned])
+        loops.T[turned] = se3.inverse(loops.T[turned])
+        first, second = np.minimum(loops.first, loops.second), np.maximum(loops.first, loops.second)
+        return cls(robots, first, second, loops.T, loops.covariance)
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def robot(self) -> IntArray:
+        """`(N,)` of each."""
+        return self.robots.robot[self.first]
+
+    @cached_property
+    def frames(self) -> FloatArray:
+        """`T_A_B (N, 4, 4)` of a robot in itself as each loop has it; the identity as odometry has it."""
+        poses = self.robots.poses
+        return np.asarray(poses[self.first] @ self.T @ se3.inverse(poses[self.second]))
 
     @cached_property
     def distances(self) -> FloatArray:
-        """`(N,)` squared Mahalanobis distances from what odometry says."""
-        return mahalanobis_squared(se3.log(self.claims.frames), self.claims.frame_covariance)
+        """`(N,)` squared Mahalanobis distances from what odometry says.
+
+        Errors of odometry up to the earlier end move both ends; those of the steps between, the later one alone.
+        """
+        summed, of_frames = _drift(self.robots), se3.adjoint(se3.inverse(self.frames))
+        before, between = summed[self.first], summed[self.second] - summed[self.first]
+        noise = se3.rotate_covariance(se3.adjoint(self.robots.poses[self.second]), self.covariance)
+        covariance = noise + between + se3.rotate_covariance(of_frames - np.eye(DEGREES), before)
+        return mahalanobis_squared(se3.log(self.frames), covariance)
+
+    @cached_property
+    def claims(self) -> Claims:
+        """With samples of the errors of odometry, which loops share."""
+        T_a, T_b = self.robots.poses[self.first], self.robots.poses[self.second]
+        wander = _wander(self.robots)
+        return Claims(T_a, T_b, self.T, self.covariance, wander[self.first], wander[self.second])
 
     def refuted(self, limit: float) -> BoolArray:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""
@@ -73,18 +102,18 @@ class OwnClaims:
     @cached_property
     def neighbours(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Pairs `(P,)`, `(P,)` of one robot, each loop with those nearest to it, and their squared distances."""
-        count = len(self.claims)
-        apart_m = 2.0 * self.along_m.max(initial=0.0) * self.robot  # robots are no neighbours
-        places = np.column_stack([self.along_m, apart_m])
+        count, robot = len(self), self.robot
+        along_m = np.stack([self.robots.along_m[self.first], self.robots.along_m[self.second]], axis=1)
+        places = np.column_stack([along_m, 2.0 * along_m.max(initial=0.0) * robot])  # robots are no neighbours
         _, nearest = cKDTree(places).query(places, k=min(NEIGHBOURS + 1, count))
         one, other = np.repeat(np.arange(count), nearest.size // max(count, 1)), nearest.ravel()
-        comparable = (one != other) & (self.robot[one] == self.robot[other])
+        comparable = (one != other) & (robot[one] == robot[other])
         one, other = one[comparable], other[comparable]
         return one, other, self.claims.pair_distances(one, other)
 
     def supported(self, limit: float) -> BoolArray:
         """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
-        count, (one, other, apart) = len(self.claims), self.neighbours
+        count, (one, other, apart) = len(self), self.neighbours
         agree = apart <= limit
         one, other, found = one[agree], other[agree], np.ones(count, bool)
         while True:
@@ -92,6 +121,15 @@ class OwnClaims:
             if (still == found).all():
                 return found
             found = still
+
+
+def _drift(robots: Robots) -> FloatArray:
+    """Covariances `(N, 6, 6)` of the poses by odometry, of errors in the robots' frames, since the first robot's."""
+    steps = robots.odometry
+    of_steps = np.zeros((len(robots.robot), DEGREES, DEGREES))
+    of_steps[steps.second] = se3.rotate_covariance(se3.adjoint(robots.poses[steps.second]), steps.covariance)
+    summed = np.cumsum(of_steps, axis=0)
+    return np.asarray(summed - summed[robots.first_nodes[robots.robot]])
 
 
 def _wander(robots: Robots) -> FloatArray:

@@ -52,12 +52,12 @@ class OwnLoops:
     def _told_trusted(self, scale: float) -> BoolArray | None:
         """Loops `(M,)` that neighbours support; None where odometry refutes no other."""
         robots = self.robots.scaled(scale)
-        own, found, of = robots.own, np.zeros(len(robots.loops), bool), OwnClaims.of(robots)
+        of = OwnClaims.of(robots)
         refuted = of.refuted(self.limit)
         if not refuted.any():
             return None
-        supported = of.supported(self.settings.agree_limit)
-        found[own] = supported
+        found, supported = np.zeros(len(robots.loops), bool), of.supported(self.settings.agree_limit)
+        found[robots.own] = supported
         return found if (refuted & ~supported).any() else None
 
     def _grown(self, robots: Robots, trusted: BoolArray) -> Settled:

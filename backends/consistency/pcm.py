@@ -69,6 +69,11 @@ class PcmResult:
         return (*of_pairs, *(jump.doubt for jump in self.open_jumps))
 
     @property
+    def in_doubt(self) -> set[tuple[str, str]]:
+        """The robots of the doubts."""
+        return {(pair.robot_a, pair.robot_b) for pair in self.pairs if pair.doubt}
+
+    @property
     def diagnosis(self) -> tuple[str, ...]:
         """All of it, the `doubts` first."""
         return (*self.doubts, *self.remarks)

@@ -166,23 +166,24 @@ def settle(
     rng = np.random.default_rng(len(loops))
     rows = np.flatnonzero(inside)
     system = System.of(odometry + loops.subset(rows), poses, held)
-    noise = rng.normal(size=(len(system.edges), len(system.free), SAMPLES))
+    noise = rng.normal(size=(len(system.edges), len(system.compared), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
     degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
     for step in range(rounds):
         used, last = np.concatenate([np.ones(count, bool), kept]), step == rounds - 1
         part = system.subset(used)
         start = poses if converged else cheaper_start(part, poses)
+        part, of_part = _starting(part, start, noise[used])
         descent = part.descent(start, np.ones(len(part.edges)), STEPS if last else FEW_STEPS)
         if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
-            at_start = _Check.of(system, start, part.spread(Descent(start, False), noise[used]), noise)
+            at_start = _Check.of(system, part, start, part.spread(Descent(start, False), of_part), noise)
             _, drop, _ = _changes(at_start.distance[count:], kept, locked, limit, degrees)
             if drop.any():
                 kept, locked = kept & ~drop, locked + drop
                 continue
             descent = part.descent(descent.poses, np.ones(len(part.edges)))
-        poses, moved = descent.poses, part.spread(descent, noise[used])
-        check = _Check.of(system, poses, moved, noise)
+        poses, moved = descent.poses, part.spread(descent, of_part)
+        check = _Check.of(system, part, poses, moved, noise)
         of_loops = check.distance[count:]
         bound, drop, admit = _changes(of_loops, kept, locked, limit, degrees)
         if last or not (drop.any() or admit.any()):
@@ -217,13 +218,19 @@ def _changes(
     return bound, drop, ~kept & (distance <= bound) & (locked < 2)
 
 
+def _starting(part: System, poses: FloatArray, noise: FloatArray) -> tuple[System, FloatArray]:
+    """`System.starting`, and of noise `(M, D, S)` the components that it compares."""
+    flat = part.starting(poses)
+    return flat, noise[:, np.searchsorted(part.compared, flat.compared)] if flat is not part else noise
+
+
 @dataclass(frozen=True, eq=False)
 class _Check:
     """Edges against what those in the estimate predict.
 
     Args:
-        residuals: `(M, K)` whitened.
-        expected: `(M, K)` variances of these, as sampled.
+        residuals: `(M, D)` whitened; zero where an edge leaves the plane that the estimate stays in.
+        expected: `(M, D)` variances of these, as sampled.
         distance: `(M,)` squared Mahalanobis distances.
     """
 
@@ -232,15 +239,29 @@ class _Check:
     distance: FloatArray
 
     @classmethod
-    def of(cls, system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
-        """By the samples `moved (N, 6, S)` that `noise (M, K, S)` makes of the estimate."""
-        (A, B), moved, width = system.jacobians(poses), moved[:, system.free], len(system.free)
-        first, second, covariance = system.edges.first, system.edges.second, np.empty_like(A)
+    def of(cls, system: System, part: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
+        """By the samples `moved (N, 6, S)` that `noise (M, D, S)` makes of the estimate by a part of the edges."""
+        if len(part.free) == len(system.free):
+            return cls._alike(system, poses, moved, noise)
+        flat = system.staying(poses)
+        inside, of_inside = _starting(system.subset(flat), poses, noise[flat])
+        outside = system.subset(~flat).moved_as(part)
+        within = cls._alike(inside, poses, moved, of_inside)
+        residuals, expected = np.zeros((2, len(flat), len(part.free)))
+        residuals[flat], expected[flat], distance = within.residuals, within.expected, np.empty(len(flat))
+        distance[flat] = within.distance
+        distance[~flat] = cls._alike(outside, poses, moved, noise[~flat]).distance
+        return cls(residuals, expected, distance)
+
+    @classmethod
+    def _alike(cls, system: System, poses: FloatArray, moved: FloatArray, noise: FloatArray) -> _Check:
+        (A, B), moved, height = system.jacobians(poses), moved[:, system.free], len(system.compared)
+        first, second, covariance = system.edges.first, system.edges.second, np.empty_like(system.W)
         for start in range(0, len(A), EDGES_AT_ONCE):
             rows = slice(start, start + EDGES_AT_ONCE)
             sampled = noise[rows] + A[rows] @ moved[first[rows]] + B[rows] @ moved[second[rows]]
-            covariance[rows] = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - width - 1)
-        covariance += REDUNDANCY_FLOOR * np.eye(width)
+            covariance[rows] = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - height - 1)
+        covariance += REDUNDANCY_FLOOR * np.eye(height)
         residuals = system.residuals(poses)
         expected = np.diagonal(covariance, axis1=1, axis2=2)
         return cls(residuals, expected, mahalanobis_squared(residuals, covariance))

@@ -6,14 +6,14 @@ Everything here is vectorised over the edges; the sparse normal equations are so
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from wiclosure import se3
-from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_freedom
+from wiclosure.backends.least_squares.edges import DEGREES, Edges, in_plane
 from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -26,6 +26,7 @@ AS_PREDICTED = 0.5  # share of the decrease that the linearised cost predicts, f
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 IN_PLANE = np.array([2, 3, 4])  # yaw, x and y of a tangent vector
 OUT_OF_PLANE = np.array([0, 1, 5])
+ROUNDING = 1e-9  # correlation of errors in the plane with those out of it, which turned frames leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,27 +52,46 @@ class System:
         edges: the measurements.
         size: number of nodes.
         held: nodes.
+        flat: `(M,)` edges measured in the plane, with errors there independent of those out of it.
         free: components `(K,)` of the tangent vectors that the nodes move in: all six, or three in the plane.
-        W: `(M, K, K)` whiteners of the errors in these.
+        compared: components `(D,)` of the errors: the same, or all six where some edges leave the plane.
+        W: `(M, D, D)` whiteners of these.
     """
 
     edges: Edges
     size: int
     held: IntArray
+    flat: BoolArray
     free: IntArray
+    compared: IntArray
     W: FloatArray
 
     @classmethod
     def of(cls, edges: Edges, poses: FloatArray, held: IntArray) -> System:
         """Of nodes that begin at the poses `(N, 4, 4)`; covariances are inverted once."""
-        free = _free(edges, poses)
-        return cls(edges, len(poses), np.asarray(held), free, whiteners(edges.covariance[:, free[:, None], free]))
+        every = np.arange(DEGREES)
+        whole = cls(edges, len(poses), np.asarray(held), _flat(edges), every, every, whiteners(edges.covariance))
+        return whole.starting(poses)
 
     def subset(self, rows: BoolArray) -> System:
         """Of the edges at `rows`."""
         if rows.all():
             return self
-        return System(self.edges.subset(rows), self.size, self.held, self.free, self.W[rows])
+        return replace(self, edges=self.edges.subset(rows), flat=self.flat[rows], W=self.W[rows])
+
+    def starting(self, poses: FloatArray) -> System:
+        """With three unknowns a node where all edges and the poses `(N, 4, 4)` to start from stay in the plane."""
+        if len(self.free) < DEGREES or not self.staying(poses).all():
+            return self
+        return replace(self, free=IN_PLANE, compared=IN_PLANE, W=self.W[:, IN_PLANE[:, None], IN_PLANE])
+
+    def staying(self, poses: FloatArray) -> BoolArray:
+        """Which edges `(M,)` stay in the plane, as do the poses `(N, 4, 4)` of their ends."""
+        return self.flat & in_plane(se3.between(poses[self.edges.first], poses[self.edges.second]))
+
+    def moved_as(self, other: System) -> System:
+        """With the unknowns of another one's nodes, which edges that leave the plane do not move."""
+        return replace(self, free=other.free)
 
     @cached_property
     def normal(self) -> NormalMatrix:
@@ -79,8 +99,8 @@ class System:
         return NormalMatrix.of(self.edges.first, self.edges.second, self.size)
 
     def residuals(self, poses: FloatArray) -> FloatArray:
-        """Whitened errors `(M, K)`."""
-        return np.asarray((self.W @ self.edges.errors(poses)[:, self.free, None])[..., 0])
+        """Whitened errors `(M, D)`."""
+        return np.asarray((self.W @ self.edges.errors(poses)[:, self.compared, None])[..., 0])
 
     def chi_squares(self, poses: FloatArray) -> FloatArray:
         """Squared Mahalanobis distances `(M,)`."""
@@ -91,21 +111,21 @@ class System:
         return float(self.chi_squares(poses).sum())
 
     def jacobians(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened derivatives `(M, K, K)` by perturbations of both ends in their bodies."""
+        """Whitened derivatives `(M, D, K)` by perturbations of both ends in their bodies."""
         T_first_second = se3.between(poses[self.edges.first], poses[self.edges.second])
         error = se3.log(se3.between(self.edges.T, T_first_second))
-        moved = (slice(None), self.free[:, None], self.free)
-        by_second = self.W @ _inverse_right_jacobian(error)[moved]
-        return -by_second @ se3.adjoint(se3.inverse(T_first_second))[moved], by_second
+        by_second = self.W @ _inverse_right_jacobian(error)[:, self.compared[:, None], self.free]
+        moved = se3.adjoint(se3.inverse(T_first_second))[:, self.free[:, None], self.free]
+        return -by_second @ moved, by_second
 
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
-        """`J^T r` `(N, K, ...)` for weighted residuals `(M, K, ...)`."""
-        count, width, *columns = residuals.shape
+        """`J^T r` `(N, K, ...)` for weighted residuals `(M, D, ...)`."""
+        (count, height, *columns), width = residuals.shape, jacobians[0].shape[2]
         nodes = np.stack([self.edges.first, self.edges.second], axis=1)
-        held = (width * nodes[:, None, :, None] + np.arange(width)).repeat(width, axis=1)
-        entries, rows = np.concatenate(jacobians, axis=2).ravel(), 2 * width * np.arange(count * width + 1)
-        J = sp.csr_array((entries, held.ravel(), rows), shape=(count * width, self.size * width))
-        summed = J.T @ residuals.reshape(count * width, math.prod(columns))
+        held = (width * nodes[:, None, :, None] + np.arange(width)).repeat(height, axis=1)
+        entries, rows = np.concatenate(jacobians, axis=2).ravel(), 2 * width * np.arange(count * height + 1)
+        J = sp.csr_array((entries, held.ravel(), rows), shape=(count * height, self.size * width))
+        summed = J.T @ residuals.reshape(count * height, math.prod(columns))
         return np.asarray(summed).reshape(self.size, width, *columns)
 
     def solved(self, poses: FloatArray, weights: FloatArray | None = None, steps: int = STEPS) -> FloatArray:
@@ -114,10 +134,10 @@ class System:
         Edges of no weight are left out: false ones would join everything with everything, and fill the matrix.
         """
         w = np.ones(len(self.edges)) if weights is None else weights
-        return self.subset(w > 0).descent(poses, w[w > 0], steps).poses
+        return self.subset(w > 0).starting(poses).descent(poses, w[w > 0], steps).poses
 
     def spread(self, descent: Descent, noise: FloatArray) -> FloatArray:
-        """What noise does to an estimate: `(N, 6, S)` for whitened `(M, K, S)`, to first order.
+        """What noise does to an estimate: `(N, 6, S)` for whitened `(M, D, S)`, to first order.
 
         About where its last step began, if that was not damped: it hardly moved.
         """
@@ -200,8 +220,8 @@ class _Linearised:
 
     Args:
         poses: `(N, 4, 4)`.
-        jacobians: `(M, K, K)` by both ends.
-        residuals: `(M, K)`.
+        jacobians: `(M, D, K)` by both ends.
+        residuals: `(M, D)`.
         gradient: `(N, K)` of the weighted cost.
         cost: weighted sum of squared residuals.
     """
@@ -219,11 +239,11 @@ def whiteners(covariance: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(L))
 
 
-def _free(edges: Edges, poses: FloatArray) -> IntArray:
-    """In the plane where all measurements and poses are, and errors there are independent of those out of it."""
-    apart = not edges.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE].any()
-    planar = degrees_of_freedom(edges.T, se3.between(poses[edges.first], poses[edges.second])) == len(IN_PLANE)
-    return IN_PLANE if apart and planar else np.arange(DEGREES)
+def _flat(edges: Edges) -> BoolArray:
+    sigma = np.sqrt(np.diagonal(edges.covariance, axis1=1, axis2=2))
+    coupled = np.abs(edges.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE])
+    apart = (coupled <= ROUNDING * sigma[:, IN_PLANE, None] * sigma[:, None, OUT_OF_PLANE]).all(axis=(1, 2))
+    return np.asarray(apart & in_plane(edges.T))
 
 
 def _inverse_right_jacobian(xi: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import binom
@@ -16,27 +16,37 @@ MOST_SETS = 4
 FEW = 4  # closures, of which each may be a set of its own: third robots may tell
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ClosureComparison:
     """Closures between two groups, compared with each other once; sets follow for any scale of sigma.
 
     Args:
         claims: N closures.
+        beyond: squared Mahalanobis distance up to which distances are exact.
         anchors: `(K,)` rows that the others are compared with.
-        distances: `(K, N)` squared Mahalanobis distances.
+        between_anchors: `(K, K)` squared distances.
         chance: sorted squared distances of recombined closures.
     """
 
     claims: Claims
+    beyond: float
     anchors: IntArray
-    distances: FloatArray
+    between_anchors: FloatArray
     chance: FloatArray
+    _rows: dict[int, FloatArray] = field(default_factory=dict)  # by anchor, its distances from all
 
     @classmethod
     def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
         """Compares the closures, exactly up to a squared distance of `beyond`."""
         anchors = _anchors(claims, beyond)
-        return cls(claims, anchors, claims.distances(anchors, beyond), claims.chance_distances())
+        return cls(claims, beyond, anchors, claims.distances(anchors, beyond, anchors), claims.chance_distances())
+
+    def distances(self, members: IntArray) -> FloatArray:
+        """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""
+        missing = [member for member in members.tolist() if member not in self._rows]
+        if missing:
+            self._rows.update(zip(missing, self.claims.distances(self.anchors[missing], self.beyond), strict=True))
+        return np.stack([self._rows[member] for member in members.tolist()])
 
     def consistent_sets(self, limit: float, most: int = MOST_SETS) -> list[ConsistentSet]:
         """Dense sets, largest first.
@@ -45,19 +55,19 @@ class ClosureComparison:
             limit: squared distance within which two closures agree.
             most: how many.
         """
-        agree = self.distances <= limit
         p = chance_to_agree(self.chance, limit, len(self.claims), self.claims.degrees)
         found, taken = [], np.zeros(len(self.claims), bool)
-        inside = agree[:, self.anchors]
+        inside = self.between_anchors <= limit
         for members in dense_sets(inside & inside.T, most):
-            votes = agree[members].sum(axis=0)
+            agree = self.distances(members) <= limit
+            votes = agree.sum(axis=0)
             own = np.isin(np.arange(len(self.claims)), self.anchors[members])
             belongs = (votes - own >= 0.5 * (len(members) - own)) & ~taken
             rows = np.flatnonzero(belongs)
             if len(rows) == 0:
                 continue
             taken |= belongs
-            medoid = self.anchors[members[np.argmax((agree[members][:, rows]).sum(axis=1))]]
+            medoid = self.anchors[members[np.argmax(agree[:, rows].sum(axis=1))]]
             found.append(ConsistentSet(rows, int(medoid), p, len(self.claims)))
         if len(self.claims) <= FEW:
             alone = np.flatnonzero(~taken)

@@ -113,25 +113,26 @@ class Claims:
         frame = self.frames[near] @ se3.exp(np.einsum("nij,nj->i", gain, apart))
         return frame, np.einsum("nij,njk,nlk->il", gain, noise, gain), np.einsum("nij,njs->is", gain, wander)
 
-    def distances(self, rows: IntArray, beyond: float) -> FloatArray:
-        """Squared Mahalanobis distances `(R, N)` between the frames of `rows` and those of all.
+    def distances(self, rows: IntArray, beyond: float, others: IntArray | None = None) -> FloatArray:
+        """Squared Mahalanobis distances `(R, K)` between the frames of `rows` and those of `others`, or of all.
 
         Infinite where rotations or translations alone are further apart than `beyond` allows: seen at little cost.
         """
-        found = np.full((len(rows), len(self)), np.inf)
-        size, width, samples = max(1, PAIRS_AT_ONCE // max(len(self), 1)), len(self.free), self.wander.shape[2]
+        others = np.arange(len(self)) if others is None else others
+        found = np.full((len(rows), len(others)), np.inf)
+        size, width, samples = max(1, PAIRS_AT_ONCE // max(len(others), 1)), len(self.free), self.wander.shape[2]
         wander, covariances = self.wander[:, self.free], self.frame_covariance[:, self.free[:, None], self.free]
-        by_sample = wander.reshape(-1, samples).T
+        by_sample = wander[others].reshape(-1, samples).T
         for start in range(0, len(rows), size):
             part = rows[start : start + size]
-            first, second = np.nonzero(self._may_agree(part, np.arange(len(self)), beyond))
-            one, other = part[first], second
+            first, second = np.nonzero(self._may_agree(part, others, beyond))
+            one, other = part[first], others[second]
             products = wander[part].reshape(-1, samples) @ by_sample  # one large product: faster than many small
-            cross = products.reshape(len(part), width, len(self), width)[first, :, second]
+            cross = products.reshape(len(part), width, len(others), width)[first, :, second]
             covariance = covariances[one] + covariances[other] - cross - np.swapaxes(cross, 1, 2)
             error = se3.log(se3.between(self.frames[one], self.frames[other]))[:, self.free]
             found[start + first, second] = mahalanobis_squared(error, covariance)
-        found[np.arange(len(rows)), rows] = 0.0
+        found[rows[:, None] == others] = 0.0
         return found
 
     def pair_distances(self, one: IntArray, other: IntArray) -> FloatArray:

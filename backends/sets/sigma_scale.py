@@ -91,5 +91,5 @@ def _inside(comparison: ClosureComparison, limit: float, wide: float, rare: floa
         return np.zeros(0)
     consistent_sets = comparison.consistent_sets(wide, most=1)
     rows = np.flatnonzero(np.isin(comparison.anchors, consistent_sets[0].rows))
-    square = comparison.distances[np.ix_(rows, comparison.anchors[rows])]
+    square = comparison.between_anchors[np.ix_(rows, rows)]
     return np.asarray(square[np.triu_indices(len(rows), 1)])

@@ -128,13 +128,14 @@ class _Chosen:
         """From the selection among the peaks, those that are reported, and the blunders that would fit as well."""
         best, *others = followed
         fit = best.fit
-        misfit = fit.misfit(settings.guard.min_fit_probability)
+        least = settings.guard.min_fit_probability
+        misfit = fit.misfit(least) or best.overstrained(least)
         sentence = "" if second is None else second.sentence
         slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
         contested = "" if selection.ambiguous or second else _contested(followed, settings.guard)
         ambiguous = selection.reason if selection.ambiguous else best.vague or contested
         blunder = "" if indistinct is None else indistinct.sentence
-        extraordinary = best.extraordinary(settings.guard.min_odds)
+        extraordinary = best.extraordinary(settings.guard)
         found = (extraordinary, sentence or slip, misfit, ambiguous, blunder)
         objections = tuple(objection for objection in found if objection)
         few = bool(second or selection.alternatives or contested)
@@ -232,7 +233,10 @@ class _Peaks:
 
 @dataclass(frozen=True, eq=False)
 class _Indistinct:
-    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each."""
+    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each.
+
+    Of none where it may all be a reflection, which tells no place.
+    """
 
     sentence: str
     hypotheses: tuple[AlignmentHypothesis, ...]
@@ -245,11 +249,15 @@ class _Indistinct:
         frames, observations = best.frames, found.mixture.observations
         if frames is None or not observations.has_bearing.any():
             return None
-        blunders = Blunders.of(frames.w, frames.yaw, links, odometry, best.mixture, best.explanation, found.drift[0])
+        told = best.mixture, best.explanation, found.drift[0], found.prior
+        blunders = Blunders.of(frames.w, frames.yaw, links, odometry, *told)
         likely = blunders.likely(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
-        if not likely:
+        objection = blunders.objection(likely, guard.min_odds)
+        if not objection:
             return None
-        return cls(blunders.objection(likely), tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
+        if blunders.image_odds * guard.min_odds >= 1.0:
+            return cls(objection, ())
+        return cls(objection, tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:

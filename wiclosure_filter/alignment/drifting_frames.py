@@ -25,7 +25,7 @@ from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains
 from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
-from wiclosure.wiclosure_filter.consensus.refinement import Prior
+from wiclosure.wiclosure_filter.consensus.refinement import Prior, displacement_m
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver
@@ -47,6 +47,7 @@ class DriftingFrames:
         middle: the measurement in the middle of the time.
         state: `(4,)` the frame transform at the middle, see `Observations`.
         covariance: `(4, 4)` of that state.
+        covariance_with_errors: `(4, 7)` of that state with the systematic errors.
         errors: systematic errors, estimated along with the chain.
         corrected: the measurements without these errors.
         chain: the linearised chain, in order of time.
@@ -58,6 +59,7 @@ class DriftingFrames:
     middle: int
     state: FloatArray
     covariance: FloatArray
+    covariance_with_errors: FloatArray
     errors: EstimatedErrors
     corrected: Observations
     chain: Chain
@@ -66,6 +68,12 @@ class DriftingFrames:
     def strain(self) -> Strain:
         """How far the measurements bend odometry and systematic errors."""
         return Strain.of(self.chain, self.errors)
+
+    def apart_m(self, error: int, value: float) -> float:
+        """How far b's path would be from here if a systematic error had another value (root mean square)."""
+        by_error = self.covariance_with_errors[:, error] / self.errors.covariance[error, error]
+        other = self.state + by_error * (value - self.errors.value[error])
+        return float(displacement_m(other, self.state, self.corrected))
 
     @property
     def log_mass(self) -> float:
@@ -184,7 +192,7 @@ def _frames(
         seen_by_receiver(w[None], yaw[None], ~corrected.a_receives)
     )
     own = ChainGuess(yaw, w, errors)
-    at_middle, covariance = _frame_transform(own, middle, corrected, constant, system.marginal(middle))
+    at_middle, joint = _frame_transform(own, middle, corrected, constant, system.marginal(middle))
     back = np.argsort(order, kind="stable")
     return DriftingFrames(
         yaw[back],
@@ -192,7 +200,8 @@ def _frames(
         explanation.subset(back),
         int(order[middle]),
         at_middle,
-        covariance,
+        joint[:4, :4],
+        joint[:4, 4:],
         EstimatedErrors(errors, system.covariance_of_errors(), rigid.known, held),
         corrected.subset(back),
         chain.moved(step[0][rows], step[1][number]),
@@ -244,13 +253,13 @@ def drift_matters(drift: tuple[FloatArray, FloatArray], observations: Observatio
 def _frame_transform(
     guess: ChainGuess, at: int, observations: Observations, constant: SystematicErrors, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """State and covariance of the frame transform from (yaw, w) at one measurement and the constant errors."""
+    """State of the frame transform from (yaw, w) at one measurement, and its covariance with the constant errors."""
     yaw, w, a, b = guess.yaw[at], guess.w[at], observations.a[at], observations.b[at]
     R = se3.from_yaw(yaw, np.zeros(3))[:3, :3]
     turned = R @ b
-    by_local = np.eye(4, 4 + COUNT)
+    by_local = np.eye(4 + COUNT)
     by_local[1, 0], by_local[2, 0] = turned[1], -turned[0]
-    by_local[1:, 4 + CLOCK] = -R @ constant.velocity_b[at]  # b was elsewhere when it was heard
+    by_local[1:4, 4 + CLOCK] = -R @ constant.velocity_b[at]  # b was elsewhere when it was heard
     return np.concatenate([[se3.wrap_angle(np.asarray(yaw))], w + a - turned]), se3.rotate_covariance(
         by_local, covariance
     )

@@ -70,13 +70,32 @@ class Followed:
         """That odometry and systematic errors of their usual size are bent as far."""
         return 1.0 if self.frames is None else self.frames.strain.probability(inflation)
 
-    def extraordinary(self, min_odds: float) -> str:
-        """Systematic errors that are far larger than usual, or may be: a sentence; empty where the odds are against."""
-        suspicious = -np.log(min_odds * CONSTANT_BLUNDER)
+    def overstrained(self, min_probability: float) -> str:
+        """That odometry, with the errors it is granted, would hardly be bent as far: a sentence, or empty."""
+        probability = self.strain_probability(1.0)
+        if probability >= min_probability:
+            return ""
+        return (
+            "the measurements fit only if odometry and constant errors are bent further than usual ones are"
+            f" (probability {probability:.0e})"
+        )
+
+    def extraordinary(self, guard: AmbiguitySettings) -> str:
+        """Systematic errors that are far larger than usual: a sentence, or empty.
+
+        Or that may be, where this would put b elsewhere: what moves it by less is in the covariance.
+        """
+        same_place_m = guard.same_place_fraction * self.mixture.observations.typical_distance_m
         beyond = [
             str(error)
             for number, error in enumerate(self.calibration)
-            if error.extraordinary or (number != RANGE_SCALE and error.log_blunder > suspicious)
+            if error.extraordinary
+            or (
+                number != RANGE_SCALE
+                and error.log_blunder > -np.log(guard.min_odds * CONSTANT_BLUNDER)
+                and self.frames is not None
+                and self.frames.apart_m(number, error.as_blunder) > same_place_m
+            )
         ]
         return f"the measurements tell a systematic error beyond the usual: {'; '.join(beyond)}" if beyond else ""
 

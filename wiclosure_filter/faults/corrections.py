@@ -73,6 +73,8 @@ def undone(blunder: Blunder, robot_a: str, robot_b: str) -> Correction:
     """What undoes a blunder that two robots' measurements cannot tell from none."""
     if blunder.swapped:
         return swapped({robot_a: robot_b, robot_b: robot_a})
+    if not blunder.compasses:
+        return _without_compasses()
     turned = _azimuths(blunder.clause, blunder.sign, blunder.offset_rad)
     scaled = _each(
         blunder.clause, lambda m: m if m.range_m is None else replace(m, range_m=blunder.range_scale * m.range_m)

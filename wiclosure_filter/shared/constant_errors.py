@@ -84,6 +84,22 @@ def with_constant_errors(
     return graph
 
 
+def left_in_links(
+    known: Mapping[tuple[str, str], PriorErrors], solved: FloatArray
+) -> dict[tuple[str, str], FloatArray]:
+    """Errors `(7,)` of each pair's links beyond the values that were taken out of them; 0 for scales of odometry.
+
+    Args:
+        known: of each pair's errors.
+        solved: `(V, 6)` solution of `with_constant_errors`, without the nodes.
+    """
+    found = {pair: np.zeros(len(one.value)) for pair, one in known.items()}
+    of_pair = list(_OF_PAIR)
+    for (pair, one), own in zip(known.items(), solved, strict=False):  # robots follow
+        found[pair][of_pair] = one.sigma[of_pair] * own[: len(of_pair)] - one.value[of_pair]
+    return found
+
+
 def _add_steps(
     graph: gtsam.GaussianFactorGraph,
     team: TeamNodes,

@@ -16,7 +16,8 @@ from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.covariance.cliques import Eliminated
 from wiclosure.wiclosure_filter.covariance.square_root import SquareRoot
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
-from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, with_constant_errors
+from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
+from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors, left_in_links, with_constant_errors
 from wiclosure.wiclosure_filter.shared.drift_scale import drift_scale
 from wiclosure.wiclosure_filter.shared.graph_nodes import TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_factors import (
@@ -42,22 +43,26 @@ class JointOptimum:
         team: nodes and links, with the drift scaled.
         T_world_node: `(K, 4, 4)` of all nodes.
         eliminated: information of all nodes, and of the constant errors after them.
+        of_links: `(7,)` constant errors of each pair's links that it found beyond those taken out of them.
         dimensions: 2 where displacements are horizontal, 3 in space.
     """
 
     team: TeamNodes
     T_world_node: FloatArray
     eliminated: Eliminated
+    of_links: Mapping[tuple[str, str], FloatArray]
     dimensions: int
 
     def misfits(self) -> dict[tuple[str, str], float]:
-        """Median residual of the links of each two robots (see `KeptLinks.misfit`)."""
+        """Median residual of the links of each two robots, without their constant errors (see `KeptLinks.misfit`)."""
         T, first = self.T_world_node, self.team.first
-        ends = self.team.ends
-        return {
-            (a, b): kept.misfit(T[first[a] + ends[a, b][0]], T[first[b] + ends[a, b][1]])
-            for (a, b), kept in self.team.links.items()
-        }
+        found = {}
+        for (a, b), kept in self.team.links.items():
+            at_a, at_b = self.team.ends[a, b]
+            errors = self.of_links.get((a, b))
+            links = kept if errors is None else without_errors(kept, errors, self.team.nodes[b].trajectory)
+            found[a, b] = links.misfit(T[first[a] + at_a], T[first[b] + at_b])
+        return found
 
 
 def optimise(
@@ -91,9 +96,11 @@ def optimise(
     )
     T_world_node = np.array([values.atPose3(k).matrix() for k in range(values.size())])
     eliminated = Eliminated.of(with_constant_errors(team, factors, values, of_errors or {}))
+    of_links: dict[tuple[str, str], FloatArray] = {}
     if of_errors:
-        T_world_node = T_world_node @ se3.exp(eliminated.solution()[: len(T_world_node)])
-    return JointOptimum(team, T_world_node, eliminated, prior.dimensions)
+        moved, errors = np.split(eliminated.solution(), [len(T_world_node)])
+        T_world_node, of_links = T_world_node @ se3.exp(moved), left_in_links(of_errors, errors)
+    return JointOptimum(team, T_world_node, eliminated, of_links, prior.dimensions)
 
 
 def _factors(team: TeamNodes, initial: gtsam.Values, prior: FramePrior, robust_threshold: float) -> JointFactors:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.backends.consistency.own_claims import OwnClaims
+from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 
@@ -38,3 +40,10 @@ def test_false_ones_contradict_their_neighbours_where_odometry_refutes_nothing(t
     of, _, degrees = claims_of(team_maker, seed, 60)
     assert of.contradictory(np.inf, PROBABILITY, degrees)
     assert not of.refuted(np.inf).any()
+
+
+def test_what_odometry_says_is_as_uncertain_as_its_samples_say(team_maker):
+    of, _, _ = claims_of(team_maker, 7, 5)
+    sampled = mahalanobis_squared(se3.log(of.claims.frames), of.claims.frame_covariance)
+    np.testing.assert_allclose(of.distances, sampled, rtol=0.8)  # of a hundred samples
+    assert 0.85 < np.median(of.distances / sampled) < 1.15

@@ -113,7 +113,7 @@ def test_the_held_node_does_not_wander_and_the_spread_grows_along_odometry():
 def test_a_scale_of_sigma_divides_distances_by_its_square():
     components = VarianceComponents(np.array([4.0, 8.0]), np.array([1.0, 2.0]))
     distances = np.array([8.0]), np.array([4.0, 12.0])
-    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), *distances, components)
+    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), *distances, components=components)
     two = one.scaled(2.0)
     assert (two.distance.tolist(), two.redundant.tolist()) == ([2.0], [1.0, 3.0])
     assert (two.components.squared.tolist(), two.components.redundancy.tolist()) == ([1.0, 2.0], [1.0, 2.0])
@@ -222,3 +222,40 @@ def test_the_strain_of_a_step_is_by_how_much_leaving_it_out_lowers_the_cost(seed
     drops = [least_cost(every) - least_cost(every & (np.arange(NODES - 1) != k)) for k in (10, 14, 18)]
     assert found.strain.shape == (NODES - 1,)
     assert found.strain[[10, 14, 18]] == pytest.approx(drops, rel=0.5)  # the covariance is sampled
+
+
+def flattened(edges):
+    """The same measurements without roll, pitch and height."""
+    xi = se3.log(edges.T)
+    xi[:, [0, 1, 5]] = 0.0
+    return Edges(edges.first, edges.second, se3.exp(xi), edges.covariance)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_loop_that_leaves_the_plane_is_judged_without_giving_the_others_six_unknowns(seed):
+    odometry, loops, _, _ = path(seed)
+    odometry, loops = flattened(odometry), flattened(loops)
+    poses = [np.eye(4)]
+    for step in odometry.T:
+        poses.append(poses[-1] @ step)
+    start, kept = np.stack(poses), np.arange(12) != 4
+    alone = settled(odometry, loops.subset(kept), start)
+    lifted = Edges(loops.first, loops.second, loops.T.copy(), loops.covariance)
+    lifted.T[4, 2, 3] += 0.5  # ten sigma
+    found = settled(odometry, lifted, start, inlier=kept)
+    assert found.inlier.tolist() == kept.tolist()
+    assert 80 < found.distance[4] < 120
+    np.testing.assert_allclose(found.poses, alone.poses, atol=1e-6)
+    assert not found.wander[:, [0, 1, 5]].any()
+    np.testing.assert_allclose(found.distance[kept], alone.distance, rtol=0.6, atol=1.0)  # by other samples
+
+
+def test_a_loop_that_leaves_the_plane_within_its_noise_is_admitted():
+    odometry, loops, _, truth = path(1)
+    odometry, loops = flattened(odometry), flattened(loops)
+    start, kept = se3.between(truth[0], truth), np.arange(12) != 4
+    lifted = Edges(loops.first, loops.second, loops.T.copy(), loops.covariance)
+    lifted.T[4, 2, 3] += 0.05  # one sigma
+    found = settled(odometry, lifted, start, inlier=kept)
+    assert found.inlier.all()
+    assert found.wander[:, 5].any()  # the height is unknown now

@@ -59,7 +59,8 @@ def test_of_few_closures_each_may_be_a_set_of_its_own():
 def test_closures_that_are_no_anchors_belong_as_well(monkeypatch):
     monkeypatch.setattr(alignment, "ANCHORS", 10)
     comparison = compared(np.random.default_rng(4), (30,), noise=0.3)
-    assert comparison.distances.shape == (10, 30)
+    assert comparison.between_anchors.shape == (10, 10)
+    assert comparison.distances(np.array([3, 7])).shape == (2, 30)
     assert comparison.consistent_sets(LIMIT)[0].rows.tolist() == list(range(30))
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, AoaPath, Trajectory, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.alignment.calibration import BIAS, COUNT
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
+from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors
 from wiclosure.wiclosure_filter.shared.graph_nodes import NodeSpacing, TeamNodes
 from wiclosure.wiclosure_filter.shared.joint_estimate import JointEstimate
 from wiclosure.wiclosure_filter.shared.joint_optimum import JointOptimum, optimise
@@ -25,20 +28,23 @@ def curve(seed: int) -> np.ndarray:
     return se3.from_yaw(yaw, np.cumsum(np.stack([np.cos(yaw), np.sin(yaw), 0 * yaw], axis=1), axis=0))
 
 
-def optimum(guess: np.ndarray, range_error_m: float = 0.0) -> tuple[JointOptimum, dict[str, Trajectory]]:
+def optimum(
+    guess: np.ndarray, range_error_m: float = 0.0, bias_m: float = 0.0, known: PriorErrors | None = None
+) -> tuple[JointOptimum, dict[str, Trajectory]]:
     stamps_ns = np.arange(SIZE, dtype=np.int64) * 10**9
     team = {name: Trajectory(name, stamps_ns, curve(seed)) for seed, name in enumerate("ab")}
     heard = []
     for k in range(0, SIZE, 5):
         seen = se3.between(team["a"].poses[k], FRAMES["b"] @ team["b"].poses[k])[:3, 3]
         path = AoaPath(float(np.arctan2(seen[1], seen[0])), 0.1)
-        range_m = float(np.linalg.norm(seen)) + range_error_m * (k % 2)
+        range_m = float(np.linalg.norm(seen)) + range_error_m * (k % 2) + bias_m
         heard.append(WirelessMeasurement(k * 10**9, "a", "b", range_m, 0.3, (path,)))
     links = TeamLinks.of(team, WirelessLog(tuple(heard)), GatheringLimits.of(AlignmentSettings())).by_pair["a", "b"]
     kept = KeptLinks.of(AlignmentHypothesis(guess, 0.0, tuple((k, 0) for k in range(len(heard)))), links)
     nodes = TeamNodes.along(team, {("a", "b"): kept}, NodeSpacing(20.0, 0.7))
     prior = FramePrior.of(AlignmentSettings(), 0.05)
-    found = optimise(nodes, {"a": np.eye(4), "b": guess}, prior, robust_threshold=2.385, drift_weight=2.0)
+    frames, errors = {"a": np.eye(4), "b": guess}, {} if known is None else {("a", "b"): known}
+    found = optimise(nodes, frames, prior, robust_threshold=2.385, drift_weight=2.0, of_errors=errors)
     return found, team
 
 
@@ -68,6 +74,15 @@ def test_misfit_tells_links_from_places_that_they_contradict() -> None:
     moved[found.team.first["b"] :, 0, 3] += 20.0
     elsewhere = replace(found, T_world_node=moved)
     assert elsewhere.misfits()["a", "b"] > 3.0
+
+
+def test_a_bias_that_the_estimate_found_is_no_misfit() -> None:
+    sigma = np.full(COUNT, 1e-3)
+    sigma[BIAS] = 3.0
+    found, _ = optimum(FRAMES["b"], bias_m=2.5, known=PriorErrors(np.zeros(COUNT), sigma))
+    assert found.of_links["a", "b"][BIAS] == pytest.approx(2.5, abs=0.5)
+    assert found.misfits()["a", "b"] < 0.5
+    assert replace(found, of_links={}).misfits()["a", "b"] > 3.0
 
 
 def test_of_no_pairs_nothing_is_predicted() -> None:

@@ -49,8 +49,8 @@ def metres(value: float, unit: LengthUnit) -> float:
     return value / round(1 / factor) if unit in {"mm", "cm", "dm"} else value * factor
 
 
-def stamp_unit_of(value: Decimal) -> TimeUnit:
-    """The unit of a time since 1970, or the clock it is of, told by its size; times since a start-up are seconds."""
+def date_unit_of(value: Decimal) -> TimeUnit | None:
+    """The unit of a date since 1970, or the clock it is of, told by its size; None for what is no date."""
     size = abs(value)
     for clock, epoch in _TICKS.items():
         if _FROM_S * 10**9 <= size * _TICK_NS - epoch.before_1970_ns < _TO_S * 10**9:
@@ -58,6 +58,14 @@ def stamp_unit_of(value: Decimal) -> TimeUnit:
     for unit, nanoseconds in NANOSECONDS.items():
         if _FROM_S * 10**9 <= size * nanoseconds < _TO_S * 10**9:
             return unit
+    return None
+
+
+def stamp_unit_of(value: Decimal) -> TimeUnit:
+    """As `date_unit_of`; times since a start-up are seconds, unless they are larger than any."""
+    if (unit := date_unit_of(value)) is not None:
+        return unit
+    size = abs(value)
     if size >= 10**17:
         return "ns"
     if size >= 10**14:
