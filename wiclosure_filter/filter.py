@@ -31,6 +31,7 @@ from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.outside import clocks_in_doubt
 from wiclosure.wiclosure_filter.faults.team import NameOrders
+from wiclosure.wiclosure_filter.faults.who_slipped import Slips
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
@@ -158,6 +159,7 @@ class WiClosureFilter:
                 links[pair] = self.gather(*fault.apply((trajectories, wireless))).by_pair[pair]
                 corrected = align(links[pair], trajectories, settings)
                 alignments[pair] = replace(corrected, corrections=(fault.fault,))
+        alignments |= Slips(alignments, links, trajectories).told()
         clocks = clocks_in_doubt(alignments, links, trajectories, wireless, settings)
         return links, alignments | {pair: alignments[pair].doubted(reason) for pair, reason in clocks.items()}
 

@@ -7,6 +7,7 @@ w x y z, covariances are full matrices row by row with rotation first (planar: x
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,18 +46,26 @@ def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
     """
     log = _loaded(path)
     records = FileRecords(path, name, is_robot_log=True)
-    try:
-        records.title = str(log.get("name", name))
+    records.title = str(log.get("name", name))
+    with _as_described(str(path)):
         guesses = list(_guesses(path, log.get("initialization") or {}, records))
         priors = _add_measurements(records, log)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise InputError(
-            f"{path} is no JSON Robot Log ({type(error).__name__}: {str(error)[:100]}); expected name, robots,"
-            " measurements as in its description"
-        ) from error
     joined = {key: Vertex(key, edge.place, NO_POSE) for edge in records.edges for key in (edge.first, edge.second)}
     records.vertices += (joined | priors | {vertex.key: vertex for vertex in guesses}).values()
     return records
+
+
+@contextmanager
+def _as_described(place: str) -> Iterator[None]:
+    """Names what is not as the description of the format says."""
+    try:
+        yield
+    except KeyError as error:
+        raise InputError(f"{place}: {error} is missing; a JSON Robot Log has it, by its description") from error
+    except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        raise InputError(
+            f"{place}: {str(error)[:100]}; a JSON Robot Log has it otherwise, by its description"
+        ) from error
 
 
 def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, Vertex]:
@@ -65,17 +74,18 @@ def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, V
     priors: dict[int, Vertex] = {}
     records.planar = True
     for factor, measurement in _measurements(log["measurements"]):
-        kind = str(measurement["type"])
         place = "{}, robot {}, entry {}, measurement {}".format(records.path, *factor)
-        planar = kind.endswith("Pose2")
-        if kind in RELATIVE_POSES:
-            records.planar &= planar
-            records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, uncertain, false))
-        elif kind in PRIORS:
-            vertex = _vertex(place, measurement["prior"], measurement["key"], planar=planar)
-            priors.setdefault(vertex.key, vertex)
-        else:
-            records.ignored[kind[:40]] += 1
+        with _as_described(place):
+            kind = str(measurement["type"])
+            planar = kind.endswith("Pose2")
+            if kind in RELATIVE_POSES:
+                records.planar &= planar
+                records.edges.append(_labelled(_edge(place, measurement, planar=planar), factor, uncertain, false))
+            elif kind in PRIORS:
+                vertex = _vertex(place, measurement["prior"], measurement["key"], planar=planar)
+                priors.setdefault(vertex.key, vertex)
+            else:
+                records.ignored[kind[:40]] += 1
     return priors
 
 
@@ -118,11 +128,13 @@ def _measurements(robots: dict[str, Json]) -> Iterator[tuple[tuple[str, int, int
 def _guesses(path: Path, values: dict[str, Json], records: FileRecords) -> Iterator[Vertex]:
     for robot, of_robot in values.items():
         for value in of_robot or ():
-            if value["type"] not in ("Pose2", "Pose3"):
-                records.ignored[value["type"]] += 1
-                continue
             place = f"{path}, initialization of {robot}"
-            yield _vertex(place, value, value["key"], planar=value["type"] == "Pose2")
+            with _as_described(place):
+                if value["type"] not in ("Pose2", "Pose3"):
+                    records.ignored[value["type"]] += 1
+                    continue
+                vertex = _vertex(place, value, value["key"], planar=value["type"] == "Pose2")
+            yield vertex
 
 
 def _vertex(place: str, value: Json, key: Json, *, planar: bool) -> Vertex:

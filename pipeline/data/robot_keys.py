@@ -99,8 +99,10 @@ def _ranges(path: Path, what: str, value: object) -> dict[str, str]:
 def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
     numbers = value if isinstance(value, list) else []
     good = [isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers]
-    if len(numbers) != 7 or not all(good) or not any(numbers[3:]):
+    if len(numbers) != 7 or not all(good):
         raise InputError(f"{path}: {what} is {_shown(value)}; expected seven numbers [x, y, z, qx, qy, qz, qw]")
+    if not any(numbers[3:]):
+        raise InputError(f"{path}: {what} is {_shown(value)}; its quaternion is zero (no rotation: 0, 0, 0, 1)")
     return tuple(float(n) for n in numbers)
 
 

@@ -65,6 +65,8 @@ def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
         hint = f"did you mean {'.'.join([*location[:-1], near])}?" if near else f"known here: {', '.join(known)}"
         return f"unknown configuration key {key} in {place}; {hint}"
     message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] in {"model_type", "dict_type"}:
+        message = "expected keys with values (see wiclosure dump-config)"
     return f"configuration {key} = {_shown(problem['input'])} in {place}: {message[0].lower()}{message[1:]}"
 
 

@@ -155,6 +155,7 @@ class FrameAlignment:
         strain_probability: that they bend them as far if both err as usual.
         bent_ns: between which times at a they bend it most, or tell another alignment; None where nothing tells.
         slipped: whether odometry slipped then, or a robot was moved: links before and after tell an alignment each.
+        slipped_robot: which of the two it was, or an empty string where nothing tells.
     """
 
     robot_a: str
@@ -175,6 +176,7 @@ class FrameAlignment:
     strain_probability: float = 1.0
     bent_ns: tuple[int, int] | None = None
     slipped: bool = False
+    slipped_robot: str = ""
 
     @property
     def only_blunders(self) -> bool:

@@ -60,6 +60,7 @@ def test_aliases_that_robots_share_their_settings_by_are_expanded() -> None:
         ("a: &a [*a]", r"line 1: \*a stands for nothing above"),
         ("a: 1\na: 2", r"line 2: 'a' stands twice"),
         ("a: 1.0e999", "line 1: 1.0e999 is too large"),
+        ("a:\n\tb: 1", "line 2: .*; indent by spaces, not by tabs"),
         ("a: !!int x", "a value cannot be made"),
         ("a: !!int ''", "a value cannot be made"),
         ("a: !!timestamp x", "a value cannot be made"),

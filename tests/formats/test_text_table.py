@@ -25,6 +25,7 @@ from wiclosure.formats.text_table import SPACE, is_number, number_of, open_table
         ("\ufefft,d\n\n# later\n1,2\n", ("t", "d"), ",", ["1", "2"]),
         ('t,"d, of b"\n1,2\n', ("t", "d, of b"), ",", ["1", "2"]),
         ("t,1_1\n1,2\n", ("t", "1_1"), ",", ["1", "2"]),
+        ("t,d\n1,2,,,\n3,4,,,\n", ("t", "d"), ",", ["1", "2"]),  # cells that a spreadsheet left empty
     ],
 )
 def test_kinds_of_tables(tmp_path: Path, text: str, columns: tuple[str, ...], delimiter: str, first: list[str]) -> None:

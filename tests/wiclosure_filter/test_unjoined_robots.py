@@ -39,8 +39,9 @@ def filtered(slipped: str) -> tuple[FilterResult, CandidatePairs, np.ndarray]:
 def test_pairs_before_and_after_are_pruned_by_their_own_alignment(slipped: str) -> None:
     result, pairs, displacement = filtered(slipped)
     (alignment,) = result.alignments
-    assert alignment.ambiguous  # nothing tells which of the two it was
+    assert alignment.ambiguous
     assert alignment.slipped
+    assert alignment.slipped_robot == slipped  # its odometry jumps
     assert "odometry seems to slip, or a robot was moved, between" in " ".join(result.diagnosis)
     near = np.linalg.norm(displacement, axis=2) <= NEAR_M
     assert near[pairs.index_a, pairs.index_b].sum() == near.sum()

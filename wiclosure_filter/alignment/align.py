@@ -128,7 +128,8 @@ class _Chosen:
         """From the selection among the peaks, those that are reported, and the blunders that would fit as well."""
         best, *others = followed
         fit = best.fit
-        misfit = fit.misfit(settings.guard.min_fit_probability)
+        least = settings.guard.min_fit_probability
+        misfit = fit.misfit(least) or best.overstrained(least)
         sentence = "" if second is None else second.sentence
         slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
         contested = "" if selection.ambiguous or second else _contested(followed, settings.guard)

@@ -70,6 +70,16 @@ class Followed:
         """That odometry and systematic errors of their usual size are bent as far."""
         return 1.0 if self.frames is None else self.frames.strain.probability(inflation)
 
+    def overstrained(self, min_probability: float) -> str:
+        """That odometry, with the errors it is granted, would hardly be bent as far: a sentence, or empty."""
+        probability = self.strain_probability(1.0)
+        if probability >= min_probability:
+            return ""
+        return (
+            "the measurements fit only if odometry and constant errors are bent further than usual ones are"
+            f" (probability {probability:.0e})"
+        )
+
     def extraordinary(self, guard: AmbiguitySettings) -> str:
         """Systematic errors that are far larger than usual: a sentence, or empty.
 

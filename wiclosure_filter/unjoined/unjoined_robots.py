@@ -103,13 +103,13 @@ class UnjoinedRobots:
     def _cut(self, links: Links, alignment: FrameAlignment) -> SharedEstimate | None:
         """Links before and after a slip tell one alignment each.
 
-        Either robot may have slipped: its trajectory is cut, and each part joined with the whole of the other's.  None
-        where one of the alignments is neither certain nor one of a few.
+        Where nothing tells who slipped, either robot may have: its trajectory is cut, and each part joined with the
+        whole of the other's.  None where one of the alignments is neither certain nor one of a few.
         """
-        estimates = []
+        estimates, slipped = [], (alignment.slipped_robot,) if alignment.slipped_robot else self.pair
         for side in sides(links, alignment, self.trajectories):
             aligned = align(side.links, self.trajectories, self.settings.alignment)
-            for robot in self.pair:
+            for robot in slipped:
                 found = self._of_part(side, aligned, robot)
                 if found is None:
                     return None

@@ -29,6 +29,7 @@ from wiclosure.types import WirelessLog, WirelessMeasurement
 
 _MOST_BAD = 0.5  # of the rows: with more that cannot be read, the file is not what its mapping says
 _SELDOM_M = 300.0  # of ranges whose unit nobody stated
+_CLOSE_M = 1.0  # robots whose radios are never farther apart have no need of them
 _COARSE = 0.5  # of the rows: with more whose times lost their digits, and which share few, the log has no times
 _MOST_BEYOND = 0.05  # of the rows: angles of radians stay within a turn, those of degrees seldom do
 _FALSE = {"", "0", "0.0", "false", "no", "f", "n"}
@@ -108,6 +109,12 @@ def _doubt_unit(account: Account, source: RadioSource, ranges_m: Sequence[float]
         account.doubt(
             f"half of the ranges are longer than {median(ranges_m):.4g} m, which UWB does not reach; if they are"
             " centimetres add unit: cm, else state unit: m"
+        )
+
+    if ranges_m and max(ranges_m) < _CLOSE_M:
+        account.doubt(
+            f"all ranges are {max(ranges_m):.2g} m or shorter; check the unit ({source.unit}), and that no point"
+            " stands between thousands"
         )
 
 

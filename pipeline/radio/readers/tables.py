@@ -10,10 +10,12 @@ from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.name_pattern import NamePattern
 from wiclosure.formats.text_table import JSON, SPACE, TextTable, is_number, open_table, with_decimal_point
 from wiclosure.pipeline.radio.readers.column_names import guessed_fields
+from wiclosure.pipeline.radio.readers.digit_groups import marks_between_groups
 from wiclosure.pipeline.radio.readers.rows import Row
 from wiclosure.pipeline.radio.source import RadioSource
 
 _DELIMITERS = {"space": SPACE, "tab": "\t", "comma": ",", "semicolon": ";", " ": SPACE}
+_WORDS = ("from", "to", "valid")
 _PLAIN = ("from_", "to", "range_variance", "valid", "azimuth", "elevation", "x", "y", "z")
 
 
@@ -72,6 +74,9 @@ class _Columns:
                 self.groups.append((group, ids))
         if not source.range_:
             self.groups.append((shared, {}))
+        self.ranges = {group["range"] for group, _ in self.groups if "range" in group}
+        fields = [(key, index) for group, _ in self.groups for key, index in group.items()]
+        self.numbers = {*self.stamp, *(index for key, index in fields if key not in _WORDS)}
 
     def _family(self, name: str) -> list[tuple[str, dict[str, str]]]:
         pattern = NamePattern(name)
@@ -106,12 +111,15 @@ def _rows(table: TextTable, source: RadioSource, columns: _Columns) -> Iterator[
     }
     comma = table.delimiter not in {",", JSON}
     width = len(table.columns)
+    content = (cells for _, cells in table.rows())
+    marks = marks_between_groups(content, columns.numbers, columns.ranges, source, table.path)
     for number, cells in table.rows():
         place = f"line {number}"
         if len(cells) > width or len(cells) <= _last(columns):
             yield Row(place, {}, f"{len(cells)} cells, expected {width}")
             continue
-        plain = [with_decimal_point(cell) for cell in cells] if comma else cells
+        whole = [cell.replace(marks[index], "") if index in marks else cell for index, cell in enumerate(cells)]
+        plain = [with_decimal_point(cell) for cell in whole] if comma else whole
         stamp = tuple(plain[index] for index in columns.stamp)
         for group, ids in columns.groups:
             values = {key: plain[index] for key, index in group.items()}

@@ -27,6 +27,7 @@ FORMATS: Mapping[int, str] = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8", 11: "u1"
 }  # fmt: skip
 
+_NEAREST_M = 1e-9  # nothing is measured so finely; floats whose bytes are swapped are mostly smaller, or very large
 _BLOCK = 32_768  # points; a block's bytes stay in the processor's cache while its fields are copied
 
 Records: TypeAlias = NDArray[np.void]
@@ -94,10 +95,18 @@ class PointCloud2Decoder:
         fields = tuple((field.name, field.offset, field.datatype, field.count) for field in cloud.fields)
         key = (fields, bool(cloud.is_bigendian), cloud.point_step)
         if key not in self._layouts:
-            order = ">" if cloud.is_bigendian else "<"
+            order = self._byte_order(fields, cloud)
             time = self._time_field(fields, cloud, order)
             self._layouts[key] = _record_type(fields, time, order, cloud.point_step)
         return self._layouts[key]
+
+    def _byte_order(self, fields: Fields, cloud: PointCloud2Message) -> str:
+        """As stated, unless only the other one makes coordinates of the bytes: PCL does not look at what is stated."""
+        stated, other = (">", "<") if cloud.is_bigendian else ("<", ">")
+        if _share_of_coordinates(fields, cloud, stated) > 0.5 or _share_of_coordinates(fields, cloud, other) < 0.9:
+            return stated
+        logger.warning("%s: is_bigendian is wrong, its bytes are in the other order; read so", self._place)
+        return other
 
     def _time_field(self, fields: Fields, cloud: PointCloud2Message, order: str) -> str | None:
         """The field of per-point times: of several, the first whose values differ; what is not used is said."""
@@ -137,6 +146,15 @@ def _sizes(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any]) -> NDArray[Any]:
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.add(np.abs(x), np.abs(y))
         return np.asarray(np.add(size, np.abs(z), out=size if size.dtype == np.result_type(size, z) else None))
+
+
+def _share_of_coordinates(fields: Fields, cloud: PointCloud2Message, order: str) -> float:
+    """How many of the finite points but those at the origin have coordinates as sensors measure them."""
+    records = _records(cloud, _record_type(fields, None, order, cloud.point_step))[:_BLOCK]
+    with np.errstate(invalid="ignore"):  # NaNs of the kind that signals
+        size = np.abs(np.column_stack([records[axis].astype(np.float64) for axis in "xyz"]))
+    size = size[np.isfinite(size).all(axis=1) & size.any(axis=1)]
+    return float(((size == 0) | ((size > _NEAREST_M) & (size < FARTHEST_M))).all(axis=1).mean()) if len(size) else 1.0
 
 
 def _record_type(fields: Fields, time: str | None, order: str, point_step: int) -> np.dtype[np.void]:
@@ -205,7 +223,8 @@ def _returns(records: Records) -> tuple[FloatArray, NDArray[Any] | None, Float32
         block = records[start : start + _BLOCK]
         here = points[end : end + len(block)]
         for column, name in enumerate("xyz"):
-            here[:, column] = block[name]
+            with np.errstate(invalid="ignore"):  # NaNs of the kind that signals
+                here[:, column] = block[name]
         if here.max() < FARTHEST_M and here.min() > -FARTHEST_M and here[:, 0].all():  # both are false for NaN
             for name, values in others.items():
                 values[end : end + len(block)] = block[name]

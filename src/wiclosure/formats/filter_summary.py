@@ -46,6 +46,7 @@ def _alignment(alignment: FrameAlignment) -> dict[str, Any]:
         "strain_probability": alignment.strain_probability,
         "corrections": list(alignment.corrections),
         "slip": [stamp_ns / 1e9 for stamp_ns in alignment.slip_ns or ()],
+        "slipped_robot": alignment.slipped_robot or None,
     }
 
 

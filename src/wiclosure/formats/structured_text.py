@@ -103,8 +103,13 @@ def parse_yaml(text: str) -> Any:
         _check_extent(text)
         return yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as error:
-        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise InputError(f"{line}{error.problem or 'not valid YAML'}") from error
+        mark = error.problem_mark
+        line = f"line {mark.line + 1}: " if mark else ""
+        is_tab = mark is not None and "".join(text.splitlines()[mark.line : mark.line + 1])[mark.column :].startswith(
+            "\t"
+        )
+        way_out = "; indent by spaces, not by tabs" if is_tab else ""
+        raise InputError(f"{line}{error.problem or 'not valid YAML'}{way_out}") from error
     except yaml.YAMLError as error:
         raise InputError(f"not valid YAML: {_in_one_line(error)}") from error
     except _NOT_MADE as error:

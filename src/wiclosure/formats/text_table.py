@@ -73,7 +73,7 @@ class TextTable:
             found = _json_cells(line)
             return [found.get(column, "") for column in self.columns] if found else [line.strip()]
         cells = _cells(line, self.delimiter)
-        return cells[:-1] if len(cells) == len(self.columns) + 1 and not cells[-1] else cells
+        return cells[: max(len(self.columns), len(cells) - _empty_at_end(cells))]
 
 
 def open_table(
@@ -151,12 +151,17 @@ def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
 
 
 def _start(lines: Sequence[Sequence[str]]) -> int:
-    """Which line the table begins with: the first as wide as most are; rows may end in a delimiter, names not."""
+    """Which line the table begins with: the first as wide as most are; rows may end in delimiters, names not."""
     width, times = Counter(map(len, lines)).most_common(1)[0]
     if times < len(lines) / 2:
         return 0
-    open_end = all(not cells[-1] for cells in lines if len(cells) == width)
-    return next(n for n, cells in enumerate(lines) if len(cells) == width or (open_end and len(cells) == width - 1))
+    empty = min(_empty_at_end(cells) for cells in lines if len(cells) == width)
+    return next(n for n, cells in enumerate(lines) if width - empty <= len(cells) <= width)
+
+
+def _empty_at_end(cells: Sequence[str]) -> int:
+    """How many cells at the end of a row are empty."""
+    return next((n for n, cell in enumerate(reversed(cells)) if cell), len(cells))
 
 
 def _measures(lines: Sequence[Sequence[str]]) -> bool:

@@ -93,8 +93,11 @@ def test_labels_may_be_missing(log, tmp_path, unlabelled):
         (lambda c: json.dumps(c)[:-30], "not valid JSON.*; the file is cut"),
         (lambda c: "[" * 100_000, "nested deeper"),
         (lambda c: [], "has no measurements by robot"),
-        (lambda c: c | {"measurements": {"a": [{"measurements": [{}]}]}}, "is no JSON Robot Log .KeyError: 'type'"),
-        (lambda c: c | {"outlier_factors": [[0, 1]]}, "is no JSON Robot Log"),
+        (
+            lambda c: c | {"measurements": {"a": [{"measurements": [{}]}]}},
+            "robot a, entry 0, measurement 0: 'type' is missing",
+        ),
+        (lambda c: c | {"outlier_factors": [[0, 1]]}, "a JSON Robot Log has it otherwise"),
         (lambda c: c | {"measurements": {"a": []}}, "no poses in it"),
     ],
 )

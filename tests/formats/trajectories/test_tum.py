@@ -215,3 +215,36 @@ def test_numbers_that_are_no_poses_are_refused(tmp_path: Path, text: str, says: 
     (tmp_path / "a.tum").write_text(text)
     with pytest.raises(InputError, match=says):
         read_tum(tmp_path / "a.tum", "a")
+
+
+NAMES = "# stamp [ns] x y z qw qx qy qz\n"
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "names", "expected_s"),
+    [
+        (1_000_000_000_000, 200_000_000, NAMES, 0.2),  # 1000 s in ns: in ms a date of 2001
+        (12_500_000_000, 100_000_000, NAMES, 0.1),
+        (0, 100, "", 0.1),  # ms
+        (0, 1, "", 1.0),
+        (0, 50_000, "", 50e-3),  # us
+        (0, 5, "", 5.0),
+        (1_700_000_000, 120, "", 120.0),  # a date: keyframes far apart
+    ],
+)
+def test_stamps_since_a_start_up_in_other_units_are_told_by_their_steps(
+    tmp_path: Path, first: int, step: int, names: str, expected_s: float
+) -> None:
+    path = tmp_path / "a.tum"
+    pose = "0 0 1 0 0 0" if names else "0 0 0 0 0 1"
+    path.write_text(names + "".join(f"{first + n * step} {n} {pose}\n" for n in range(5)))
+    read = read_tum(path, "alpha")
+    assert np.diff(read.stamps_ns) == pytest.approx(1e9 * expected_s)
+    assert read.poses[:, :3, :3] == pytest.approx(np.broadcast_to(np.eye(3), (5, 3, 3)))
+
+
+def test_nanoseconds_without_names_are_refused_since_a_start_up_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.tum"
+    path.write_text("".join(f"{10**12 + n * 10**8} {n} 0 0 0 0 0 1\n" for n in range(5)))
+    with pytest.raises(InputError, match="its stamps are nanoseconds, as EuRoC's, whose quaternions begin with w"):
+        read_tum(path, "alpha")

@@ -67,6 +67,7 @@ def test_layers_can_be_merged_in_any_grouping(a: dict[str, Any], b: dict[str, An
         ({"wheel": {"xyz": 3}}, "unknown configuration key wheel.xyz in f; known here: radius_m, spokes"),
         ({"wheels": 3}, "unknown configuration key wheels in f; did you mean wheel?"),
         ({"wheel": {"radius_m": -1}}, "configuration wheel.radius_m = -1 in f: input should be greater than 0"),
+        ({"wheel": 3}, "configuration wheel = 3 in f: expected keys with values (see wiclosure dump-config)"),
     ],
 )
 def test_the_first_problem_is_one_sentence(content: dict[str, Any], sentence: str) -> None:

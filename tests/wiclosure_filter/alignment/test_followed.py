@@ -18,13 +18,18 @@ from wiclosure.wiclosure_filter.filter import WiClosureFilter
 ASIDE_M = 15.0
 
 
-def peaks(bend_m: float) -> list[Followed]:
-    """Followed peaks, the best first, of a robot that passes another one's straight road; only ranges are measured."""
+def peaks(bend_m: float, unnoticed_m: float = 0.0) -> list[Followed]:
+    """Followed peaks, the best first, of a robot that passes another one's straight road; only ranges are measured.
+
+    Its road bends by so much, of which odometry does not notice a part.
+    """
     s = np.linspace(0.0, 100.0, 30)
     a = se3.from_yaw(0 * s, np.stack([s, 0 * s, 0 * s], axis=1))
     b = se3.from_yaw(0 * s, np.stack([110 - s, ASIDE_M + bend_m * np.sin(s / 12), 0 * s], axis=1))
     stamps_ns = np.arange(30, dtype=np.int64) * 10**9
-    team = {"a": Trajectory("a", stamps_ns, a), "b": Trajectory("b", stamps_ns, se3.inverse(b[0]) @ b)}
+    odometry_b = b.copy()
+    odometry_b[:, 1, 3] -= unnoticed_m * np.sin(s / 12)
+    team = {"a": Trajectory("a", stamps_ns, a), "b": Trajectory("b", stamps_ns, se3.inverse(b[0]) @ odometry_b)}
     metres = np.linalg.norm(b[:, :3, 3] - a[:, :3, 3], axis=1)
     log = WirelessLog(
         tuple(WirelessMeasurement(int(t), "a", "b", float(m), 0.2, ()) for t, m in zip(stamps_ns, metres, strict=True))
@@ -53,3 +58,8 @@ def test_mirror_images_weigh_the_same_and_lie_apart() -> None:
 def test_a_mirror_image_that_bends_the_odometry_weighs_less() -> None:
     best, other = peaks(bend_m=2.0)
     assert best.log_evidence - other.log_evidence > 3.0
+
+
+def test_odometry_that_is_bent_further_than_it_drifts_is_said() -> None:
+    assert peaks(bend_m=2.0)[0].overstrained(0.01) == ""
+    assert "bent further than usual ones are" in peaks(bend_m=2.0, unnoticed_m=8.0)[0].overstrained(0.01)

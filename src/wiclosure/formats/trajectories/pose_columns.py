@@ -48,6 +48,8 @@ def _missing(roles: list[str]) -> str:
 
 def _names(line: str) -> list[str]:
     content = line.strip().lstrip("#").strip()
+    if not re.search("[,;]", content):
+        content = re.sub(r"\s+(\[.*?\]|\(.*?\))", "", content)  # units apart from the names
     cells = re.split(r"\s*[,;]\s*" if re.search("[,;]", content) else r"\s+", content)
     return [] if len(cells) < len(POSE) or any(map(is_number, cells)) else [cell.strip("\"'") for cell in cells]
 

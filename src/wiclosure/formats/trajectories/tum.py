@@ -10,7 +10,6 @@ import logging
 import re
 import warnings
 from collections.abc import Sequence
-from decimal import Decimal
 from io import StringIO
 from pathlib import Path
 from typing import NoReturn
@@ -23,7 +22,7 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of_path
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
@@ -156,7 +155,7 @@ def _stamps_ns(path: Path, stamps: NDArray[np.bytes_], *, named: bool) -> IntArr
     if not len(stamps):
         return np.zeros(0, np.int64)
     first = stamps[0].decode()
-    unit = stamp_unit_of(Decimal(first)) if is_number(first) else "auto"
+    unit = stamp_unit_of_path([stamp.decode() for stamp in stamps[:_SAMPLE].tolist()]) if is_number(first) else "auto"
     if unit == "s":
         return nanoseconds_of_column(stamps)
     if unit == "ns" and not named:

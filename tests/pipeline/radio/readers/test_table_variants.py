@@ -137,3 +137,12 @@ def test_ranges_that_no_radio_reaches_are_doubted(tmp_path: Path, caplog: pytest
 def test_a_table_without_rows_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert read(tmp_path, NAMES) == ([], [])
     assert "it holds no readings" in caplog.text
+
+
+def test_ranges_below_a_metre_are_doubted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    read(
+        tmp_path,
+        "timestamp;from_id;to_id;range\n1;7;12;20.534\n2;7;12;19.222\n",
+        "unit=mm,robots.7=alpha,robots.12=beta",
+    )
+    assert "all ranges are 0.021 m or shorter; check the unit (mm)" in caplog.text

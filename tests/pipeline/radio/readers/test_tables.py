@@ -103,3 +103,9 @@ def test_what_lines_cannot_be_read_by(write, tmp_path: Path) -> None:
         list(line_rows(path, source(path, pattern=PATTERN)))
     with pytest.raises(InputError, match=r"cannot read .*none: No such file"):
         list(line_rows(tmp_path / "none", source(path, pattern=PATTERN)))
+
+
+def test_marks_between_thousands_are_taken_out_of_numbers_and_not_of_ids(write) -> None:
+    text = "time_ms;tag;anchor;distance_mm\n1'500;1'007;12;20,534\n1'700;1'007;12;950\n"
+    ranges = [(values["stamp"], values["from"], values["range"]) for _, values, _ in rows(*write(text))]
+    assert ranges == [("1500", "1'007", "20534"), ("1700", "1'007", "950")]

@@ -306,3 +306,16 @@ def test_encoded_scans_decode_to_themselves(ros: str, timed: bool) -> None:
     np.testing.assert_array_equal(scan.points, points)
     np.testing.assert_array_equal(scan.times, times)
     np.testing.assert_array_equal(scan.intensity, intensity)
+
+
+@pytest.mark.parametrize("big_endian", [True, False])
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_a_byte_order_that_is_stated_wrong_is_told_by_the_coordinates(
+    big_endian: bool, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    points = np.random.default_rng(1).normal(0, 20, (3, 1, 500)).astype(kind)
+    message = Cloud(dict(zip("xyz", points, strict=True)), big_endian=big_endian).message()
+    message.is_bigendian = not big_endian
+    scan = PointCloud2Decoder().decode(message)
+    assert scan.points == pytest.approx(points[:, 0].T, abs=1e-12)
+    assert "is_bigendian is wrong" in caplog.text
