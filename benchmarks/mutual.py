@@ -1,6 +1,7 @@
 """Whole runs whose radio has one systematic error: is the map ever worse for having a radio, and is the radio named?
 
-    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond] [--random 9] [--correct]
+    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond]
+        [--random 9] [--correct]
 
 Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
 that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
