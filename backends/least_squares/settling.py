@@ -44,6 +44,7 @@ class Settled:
         inlier: `(M,)` closures that the estimate rests on.
         distance: `(M,)` squared Mahalanobis distance of each closure from what the others predict; NaN outside groups.
         redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
+        strain: `(N,)` by how much each odometry edge, were it left out, would lower the cost, to first order.
         components: what the residuals say of rotation and translation apart.
     """
 
@@ -52,6 +53,7 @@ class Settled:
     inlier: BoolArray
     distance: FloatArray
     redundant: FloatArray
+    strain: FloatArray = field(default_factory=lambda: np.zeros(0))
     components: VarianceComponents = field(default_factory=VarianceComponents.none)
 
     def scaled(self, scale: float) -> Settled:
@@ -62,6 +64,7 @@ class Settled:
             wander=scale * self.wander,
             distance=self.distance / squared,
             redundant=self.redundant / squared,
+            strain=self.strain / squared,
             components=replace(self.components, squared=self.components.squared / squared),
         )
 
@@ -193,7 +196,7 @@ def settle(
     used = np.concatenate([np.ones(count, bool), kept])
     components = VarianceComponents.of(check.residuals[used], check.expected[used], degrees)
     redundant = check.distance[used & (check.expected.mean(axis=1) > CHECKED)]
-    return Settled(poses, se3.adjoint(poses) @ moved, mask, found, redundant, components)
+    return Settled(poses, se3.adjoint(poses) @ moved, mask, found, redundant, check.distance[:count], components)
 
 
 def _changes(
