@@ -5,16 +5,14 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
+from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost
 from wiclosure.backends.least_squares.edges import Edges
+from wiclosure.backends.least_squares.graduated import MU_GROWTH, NEWTON_STEPS, graduated
 from wiclosure.backends.least_squares.settling import (
-    MU_GROWTH,
-    NEWTON_STEPS,
     Settled,
     fewest_errors,
-    graduated,
     outlier_limit,
     settle,
-    truncated_cost,
 )
 from wiclosure.backends.least_squares.system import STEPS, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
