@@ -8,6 +8,7 @@ brings together are registered, and judged as the accepted ones are.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -106,10 +107,11 @@ def rival_maps(
         register: registers keyframes that are brought together.
     """
     found: list[RivalMap | None] = []
+    measured = Counter(frozenset((m.receiver, m.transmitter)) for m in wireless.measurements)
+    overdetermined = {pair for pair in map(frozenset, trusted) if measured[pair] >= _OVERDETERMINED}
     for pair in _joining(closures):
-        radio = PairRadio.of(pair, odometry, wireless, config.filter.alignment)
-        is_trusted = bool({pair, pair[::-1]} & set(trusted))
-        if not (is_trusted and radio.measurements >= _OVERDETERMINED):
+        if frozenset(pair) not in overdetermined:
+            radio = PairRadio.of(pair, odometry, wireless, config.filter.alignment)
             accepted = [c for c in survivors(closures, Stage.ESTIMATE) if (c.query.robot, c.match.robot) == pair]
             of_pair = _Merged.of(pair, merged, clouds, config)
             found.append(_least_decided(list(of_pair.rivals(register)), accepted, radio, config))

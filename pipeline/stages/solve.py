@@ -152,7 +152,9 @@ def _estimated(
 def _other_maps(
     attempts: Attempts, attempt: Attempt, checks: Sequence[PairCheck], graph: GraphResult, wireless: WirelessLog
 ) -> list[RivalMap]:
-    """Ways in which robots may lie to each other as well; not looked for where a certain radio has told the way."""
+    """Ways in which robots may lie to each other as well; not looked for where radio or GNSS has told the way."""
+    fixed = {robot for robot, fixes in graph.ground.earth.fixes.items() if len(fixes)}
+    closures = [c for c in graph.closures if not {c.query.robot, c.match.robot} <= fixed]
     contradicted = {one.pair for one in checks if one.weighed is not None or one.contested}
     certain = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments if not one.ambiguous} - contradicted
 
@@ -161,7 +163,7 @@ def _other_maps(
 
     clouds = {robot: front.clouds for robot, front in attempts.fronts.items()}
     merged, odometry, config = graph.trajectories, attempts.keyframes, attempts.config
-    return rival_maps(merged, graph.closures, clouds, odometry, wireless, certain, config, register)
+    return rival_maps(merged, closures, clouds, odometry, wireless, certain, config, register)
 
 
 def _held_against_map(
