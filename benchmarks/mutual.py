@@ -1,11 +1,13 @@
 """Whole runs whose radio has one systematic error: is the map ever worse for having a radio, and is the radio named?
 
-    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond] [--correct]
+    python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond]
+        [--random 9] [--correct]
 
 Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
 that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
-and how many of them are false, and whether a sentence of the diagnosis names the radio as the likely fault.  `worse`
-marks rows whose error is above 1.05 times that of `none` (and by more than 5 cm), or that connect fewer robots.
+and how many of them are false, whether a sentence of the diagnosis names the radio as the likely fault, and whether the
+map is said to be in doubt.  `worse` marks rows whose error is above 1.05 times that of `none` (and by more than 5 cm),
+or that connect fewer robots.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from mutual_faults import BEYOND, FAULTS, Fault
+from mutual_faults import BEYOND, FAULTS, Fault, drawn
 
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
@@ -107,6 +109,7 @@ class Outcome:
     accepted: int
     false: int
     named: bool
+    doubt: bool
     seconds: float
 
     @classmethod
@@ -116,8 +119,9 @@ class Outcome:
         largest = max(metrics["components"], key=lambda c: len(c["robots"]))
         ate_m = metrics["ate_m"].get("team") or largest["ate_m"] or float("nan")
         named = any(words in sentence for sentence in metrics["diagnosis"] for words in NAMED)
-        closures = metrics["closures"]
-        return cls(ate_m, len(largest["robots"]), closures["accepted"], closures["accepted_false"] or 0, named, seconds)
+        closures, doubt = metrics["closures"], bool(metrics["doubts"])
+        accepted, false = closures["accepted"], closures["accepted_false"] or 0
+        return cls(ate_m, len(largest["robots"]), accepted, false, named, doubt, seconds)
 
     def worse_than(self, other: Outcome) -> bool:
         """Whether this map is worse, or has fewer robots."""
@@ -135,14 +139,18 @@ def main() -> None:
     parser.add_argument("--data", default=",".join([*SCENARIOS, "kitti-0005"]))
     parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
     parser.add_argument("--beyond", action="store_true", help="faults that nothing was written for")
+    parser.add_argument(
+        "--random", type=int, default=0, help="so many faults, drawn by the seed: two, in part, half-way"
+    )
     parser.add_argument("--correct", action="store_true", help="with --accept-correction")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated world")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--show", action="store_true", help="print the diagnosis of every run")
     arguments = parser.parse_args()
     words = [word for word in arguments.faults.split(",") if word]
-    faults = BEYOND if arguments.beyond else FAULTS
-    print(f"{'data':14} {'run':22} {'ATE m':>7} {'robots':>6} {'closures':>8} {'false':>5} {'named':>5} {'s':>6}")
+    faults = drawn(arguments.random, arguments.seed) if arguments.random else BEYOND if arguments.beyond else FAULTS
+    heads = f"{'closures':>8} {'false':>5} {'named':>5} {'doubt':>5} {'s':>6}"
+    print(f"{'data':14} {'run':40} {'ATE m':>7} {'robots':>6} {heads}")
     for name in arguments.data.split(","):
         inputs, config, progress = inputs_of(name, arguments.seed), configured(correct=arguments.correct), NoProgress()
         cache = StageCache(default_cache_folder())
@@ -162,8 +170,9 @@ def main() -> None:
             outcome = Outcome.of(result, time.perf_counter() - began)
             without = without or outcome
             print(
-                f"{name:14} {label:22} {outcome.ate_m:7.2f} {outcome.connected:6d} {outcome.accepted:8d}"
-                f" {outcome.false:5d} {'yes' if outcome.named else '':>5} {outcome.seconds:6.1f}"
+                f"{name:14} {label:40} {outcome.ate_m:7.2f} {outcome.connected:6d} {outcome.accepted:8d}"
+                f" {outcome.false:5d} {'yes' if outcome.named else '':>5} {'yes' if outcome.doubt else '':>5}"
+                f" {outcome.seconds:6.1f}"
                 f" {'worse' if outcome.worse_than(without) else ''}",
                 flush=True,
             )

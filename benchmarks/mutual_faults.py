@@ -208,3 +208,39 @@ BEYOND: Mapping[str, Fault] = {
     "range noise 5 m": noisy,
     "ranges squared": ranges(lambda r: r * r / 20.0),
 }
+
+
+# Drawn at random ----------------------------------------------------------------------------------------------------
+
+
+def from_half_way(fault: Fault) -> Fault:
+    """A fault that begins in the middle of the log."""
+
+    def spoil(log: WirelessLog) -> WirelessLog:
+        half, spoilt = len(log.measurements) // 2, fault(log).measurements
+        return replace(log, measurements=(*log.measurements[:half], *spoilt[half:]))
+
+    return spoil
+
+
+def both(one: Fault, other: Fault) -> Fault:
+    """Two faults at once."""
+    return lambda log: other(one(log))
+
+
+def drawn(count: int, seed: int) -> dict[str, Fault]:
+    """Faults of `FAULTS` and `BEYOND`: two at once, one in one robot's log only, one that begins half-way."""
+    rng, known = np.random.default_rng(seed), {**FAULTS, **BEYOND}
+    names = [name for name in known if name != "honest"]
+    found: dict[str, Fault] = {}
+    for n in range(count):
+        first, second = rng.choice(names, 2, replace=False).tolist()
+        one, other = known[first], known[second]
+        ways: list[tuple[str, Fault]] = [
+            (f"{first}, {second}", both(one, other)),
+            (f"one radio: {first}", of_receiver(one)),
+            (f"half: {first}", from_half_way(one)),
+        ]
+        name, fault = ways[n % len(ways)]
+        found[name] = fault
+    return found

@@ -99,7 +99,9 @@ class IncrementalConsistency:
         assert self._basis is not None
         team, merged = self._basis
         number = team.names.index(robot)
-        nodes, trajectory = team.nodes[robot], self._odometry[robot].loosened(merged.odometry_factors[number])
+        nodes, trajectory, factor = team.nodes[robot], self._odometry[robot], merged.odometry_factors[number]
+        if factor != 1.0:  # else what it knows of its drift stays known
+            trajectory = trajectory.loosened(factor)
         before = np.searchsorted(nodes, indices, side="right") - 1
         node = team.robots.first_nodes[number] + before
         T = merged.settled.poses[node] @ trajectory.relative_pose(nodes[before], indices)

@@ -7,6 +7,7 @@ from scipy.stats import hypergeom
 
 from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import pairs_of_groups, sets_between
@@ -26,6 +27,19 @@ def place_to_cut(robots: Robots, merged: MergedGroups, nodes: IntArray, settings
         if robots.steps_across(node).sum() == 1 and _set_holds(robots, merged, node, settings):
             return node
     return None
+
+
+def most_strained(robots: Robots, merged: MergedGroups, nodes: IntArray) -> int | None:
+    """The node, of these of one robot, the step of odometry to which bends the estimate most; None if chance may."""
+    steps, strain = robots.odometry, merged.settled.strain
+    of_robot = np.flatnonzero(np.isin(steps.second, nodes))
+    if not len(of_robot):
+        return None
+    worst = of_robot[np.argmax(strain[of_robot])]
+    if strain[worst] <= outlier_limit(len(steps), 1.0 - EXPECTED_BY_CHANCE, robots.degrees):
+        return None
+    node = int(steps.second[worst])
+    return node if robots.steps_across(node).sum() == 1 else None
 
 
 def _chances_of_splits(robots: Robots, merged: MergedGroups, robot: int) -> tuple[FloatArray, IntArray]:

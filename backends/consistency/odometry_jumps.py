@@ -1,91 +1,30 @@
 """Odometry that jumps, as that of a robot that was carried elsewhere does: that step is not believed, all else is.
 
-Behind a jump, closures are rejected that agree with each other.  Where rejected closures of a robot lie on one side of
-a place along its path, and a set of them would hold by the ordinary rules, the robot is cut there into two, and all is
-merged again.  The jump is believed where both parts join one group at places over as much of the whole path as joins a
-robot to another, what was accepted before stays, and no other robot's jump explains as much.
+Behind a jump, closures are rejected that agree with each other, or bend the estimate.  The robot is cut there into two,
+and all is merged again.  The jump is believed where that lowers the cost by more than one look-alike place would, both
+parts join one group at more places than one has, and no other robot's jump explains as much.  Else it is left open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.backends.consistency.jump_places import place_to_cut
+from wiclosure.backends.consistency.jump_places import most_strained, place_to_cut
 from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
-from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.odometry_jump import Jump
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, LEAST_COVERAGE, SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import count_places
-from wiclosure.types import FloatArray, IntArray, Trajectory
+from wiclosure.types import IntArray
 
 WITNESSES = 2  # robots, itself among them, that either part has closures with: one's may be of a look-alike place
-
-
-@dataclass(frozen=True, eq=False)
-class Jump:
-    """A step of odometry that closures contradict.
-
-    Args:
-        node: the first behind it.
-        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
-    """
-
-    node: int
-    error: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OdometryJump:
-    """A step of a robot's odometry that is not believed.
-
-    Args:
-        robot: its name.
-        index: the keyframe behind it.
-        error: `(6,)` tangent vector from what odometry says of the step to what closures do.
-    """
-
-    robot: str
-    index: int
-    error: FloatArray
-
-    @classmethod
-    def of_team(cls, team: TeamArrays, jump: Jump, trajectories: Mapping[str, Trajectory]) -> OdometryJump:
-        """In the names and keyframes of a team; of the steps between two nodes, that which leaves the shortest path."""
-        odometry, step = team.robots.odometry, team.robots.steps_across(jump.node)
-        robot = int(team.robots.robot[jump.node])
-        nodes, first = team.nodes[team.names[robot]], int(team.robots.first_nodes[robot])
-        before, after = (int(nodes[int(end[step][0]) - first]) for end in (odometry.first, odometry.second))
-        trajectory = trajectories[team.names[robot]]
-        rows = [before, after] if trajectory.parents is not None else slice(before, after + 1)
-        T = trajectory.poses[rows]
-        behind = T[-1] @ se3.exp(jump.error) @ se3.inverse(T[-1]) @ T[1:]  # by closures
-        stated, corrected = se3.between(T[:-1], T[1:]), se3.between(T[:-1], behind)
-        longer = np.linalg.norm(corrected[:, :3, 3], axis=1) - np.linalg.norm(stated[:, :3, 3], axis=1)
-        best = int(np.argmin(longer))
-        error = se3.log(se3.between(stated[best], corrected[best])[None])[0]
-        return cls(team.names[robot], after - (len(T) - 2) + best, error)
-
-    @property
-    def covariance(self) -> FloatArray:
-        """`(6, 6)` under which the jump is one sigma, in whatever direction."""
-        return np.diag(np.repeat([np.sum(part**2) for part in (self.error[:3], self.error[3:])], 3))
-
-    @property
-    def sentence(self) -> str:
-        """For the user."""
-        metres, degrees = np.linalg.norm(self.error[3:]), np.degrees(np.linalg.norm(self.error[:3]))
-        return (
-            f"the odometry of {self.robot} jumps by {metres:.1f} m and {degrees:.0f} degrees between its keyframes"
-            f" {self.index - 1} and {self.index}: closures on both sides tell, and it is not believed there"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,64 +40,129 @@ class _Explanation:
         robots = self.robots.cut(node)
         return _Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
 
-    def gained(self, before: _Explanation, settings: MergeSettings) -> int:
-        """Closures that are accepted in addition; 0 where too many no longer are."""
-        now, then = self.merged.inlier, before.merged.inlier
-        more, less = int((now & ~then).sum()), int((then & ~now).sum())
-        return more - less if less <= (1.0 - settings.ambiguous_share) * more else 0
+    def cost(self, settings: MergeSettings) -> float:
+        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
+        merged, of = self.merged, self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+        odometry, loops = (
+            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
+            for edges in (of.odometry, of.loops)
+        )
+        scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
+        loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
+        of_loops = np.where(merged.inlier, loops + scaled, cost_of_rejected(of, settings))
+        return float((odometry + loosened + scaled).sum() + of_loops.sum())
+
+    def gained(self, before: _Explanation, settings: MergeSettings) -> float:
+        """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
+        gained = before.cost(settings) - self.cost(settings)
+        return gained if gained > self.one_place(settings) else 0.0
+
+    def one_place(self, settings: MergeSettings) -> float:
+        """What rejecting as many closures costs as one place may have."""
+        return SATURATED * cost_of_rejected(self.robots, settings)
 
 
-def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> tuple[MergedGroups, list[Jump]]:
-    """`merge_groups` and, where closures tell of jumps, what they are; the result is then that of the uncut team."""
+def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
+    """Of one closure, as a squared distance."""
+    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+
+
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """Cuts of one robot, by how much they lower the cost, and whether enough speaks for them."""
+
+    gained: float
+    explanation: _Explanation
+    told: bool
+
+
+@dataclass(frozen=True, eq=False)
+class JumpDecisions:
+    """What came of it.
+
+    Args:
+        merged: of the uncut team.
+        believed: jumps.
+        open: one that would explain what closures say, of which nothing tells whether it is that or false closures.
+    """
+
+    merged: MergedGroups
+    believed: list[Jump]
+    open: list[Jump]
+
+
+def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> JumpDecisions:
+    """`merge_groups` and, where closures tell of jumps, what they are."""
     found = _Explanation(robots, merge_groups(robots, settings))
     while True:
-        better = _best(robots, found, settings)
+        proposals = _proposals(robots, found, settings)
+        better = _undisputed(proposals, found, settings)
         if better is None:
             break
         found = better
     merged = _of_whole_robots(robots, found) if found.nodes else found.merged
-    return merged, [_jump(robots, found, node) for node in sorted(found.nodes)]
+    left = [(p.explanation, node) for p in proposals[:1] for node in p.explanation.nodes if node not in found.nodes]
+    return JumpDecisions(
+        merged,
+        [_jump(robots, found, node) for node in sorted(found.nodes)],
+        [_jump(robots, explanation, node) for explanation, node in left],
+    )
 
 
-def _best(robots: Robots, found: _Explanation, settings: MergeSettings) -> _Explanation | None:
-    """With one robot's jumps, where no other's explain about as many closures."""
-    of_robots: list[tuple[int, _Explanation]] = []
+def _proposals(robots: Robots, found: _Explanation, settings: MergeSettings) -> list[_Proposal]:
+    """Of each robot, those that explain most first."""
+    proposals = []
     for robot in range(robots.count):
-        nodes = np.flatnonzero(robots.robot == robot)
-        cut = _with_cuts(robots, found, nodes, settings)
-        gained = 0 if cut is None else cut.gained(found, settings)
-        if cut is not None and gained:
-            of_robots.append((gained, cut))
-    of_robots.sort(key=lambda of: of[0], reverse=True)
-    if not of_robots or (len(of_robots) > 1 and of_robots[1][0] >= settings.ambiguous_share * of_robots[0][0]):
+        cut = _with_cuts(robots, found, np.flatnonzero(robots.robot == robot), settings)
+        gained = cut.gained(found, settings)
+        if gained:
+            new = [node for node in cut.nodes if node not in found.nodes]
+            told = all(_joined(robots, cut, node, found, settings) for node in new)
+            proposals.append(_Proposal(gained, cut, told))
+    return sorted(proposals, key=lambda proposal: proposal.gained, reverse=True)
+
+
+def _undisputed(proposals: list[_Proposal], found: _Explanation, settings: MergeSettings) -> _Explanation | None:
+    """That which explains most, if enough speaks for it and no other robot's cuts explain the same about as well."""
+    if not proposals or not proposals[0].told:
         return None
-    return of_robots[0][1]
+    best = proposals[0].explanation
+    for other in proposals[1:]:
+        if proposals[0].gained - other.gained > best.one_place(settings):
+            break
+        both = best
+        for node in other.explanation.nodes:
+            both = both if node in both.nodes else both.cut(node, settings)
+        if not both.gained(best, settings):
+            return None
+    return best
 
 
-def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation | None:
-    """Cut within the nodes of one robot as long as it gains; None where that explains nothing."""
+def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation:
+    """Cut within the nodes of one robot as long as it gains, where the estimate refutes odometry's step."""
     best = found
     while True:
-        node = place_to_cut(best.robots, best.merged, nodes, settings)
-        tried = None if node is None else best.cut(node, settings)
-        if tried is None or not tried.gained(best, settings):
+        places = place_to_cut(best.robots, best.merged, nodes, settings), most_strained(best.robots, best.merged, nodes)
+        tried = [best.cut(node, settings) for node in dict.fromkeys(places) if node is not None]
+        gained = [explanation.gained(best, settings) for explanation in tried]
+        if not any(gained):
             break
-        best = tried
+        best = tried[int(np.argmax(gained))]
     needed = [node for node in best.nodes if node in found.nodes or _contradicted(robots, best, node)]
     if len(needed) < len(best.nodes):
         best = found
         for node in needed:
             best = best if node in found.nodes else best.cut(node, settings)
-    new = [node for node in best.nodes if node not in found.nodes]
-    if not new or not all(_joined(robots, best, node, settings) for node in new):
-        return None
     return best
 
 
-def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSettings) -> bool:
-    """Whether both parts are in one group, and join it at as many places, over as much of the path, as join robots."""
+def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation, settings: MergeSettings) -> bool:
+    """Whether both parts are in one group, each by closures at more places than one that looks alike has.
+
+    Those that were rejected before must be with two robots: of one alone they may be of a long place that looks alike.
+    """
     cut, merged = found.robots, found.merged
-    sides, robot = (int(cut.robot[node - 1]), int(cut.robot[node])), int(robots.robot[node])
+    sides = (int(cut.robot[node - 1]), int(cut.robot[node]))
     if merged.group[sides[0]] != merged.group[sides[1]]:
         return False
     ends = cut.loop_ends
@@ -168,12 +172,17 @@ def _joined(robots: Robots, found: _Explanation, node: int, settings: MergeSetti
         rows = np.flatnonzero(merged.inlier & ((of_ends == side).sum(axis=0) == 1))
         if not len(rows) or count_places(cut, rows, view_m, SATURATED) < SATURATED:
             return False
-        along_m = cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]]
-        if np.ptp(along_m) < LEAST_COVERAGE * robots.length_m[robot]:
+        span_m = np.ptp(cut.along_m[np.where(of_ends[0] == side, ends[0], ends[1])[rows]])
+        if span_m < view_m:
             return False
         partners = robots.robot[np.where(of_ends[0] == side, ends[1], ends[0])[rows]]
-        of_partners = (rows[partners == partner] for partner in np.unique(partners))
-        if sum(count_places(cut, of, view_m, settings.min_size) >= settings.min_size for of in of_partners) < WITNESSES:
+        of_partners = [rows[partners == partner] for partner in np.unique(partners)]
+        if (
+            span_m < LEAST_COVERAGE * robots.length_m[robots.robot[node]]
+        ):  # what looks alike there does so to all robots
+            of_partners = [of for of in of_partners if count_places(cut, of, view_m, settings.min_size) > 1]
+        witnesses = sum(len(of) >= settings.min_size for of in of_partners)
+        if witnesses < WITNESSES and 2 * before.merged.inlier[rows].sum() <= len(rows):
             return False
     return True
 
@@ -184,13 +193,19 @@ def _contradicted(robots: Robots, found: _Explanation, node: int) -> bool:
     settled, (a, b) = found.merged.settled, (step.first, step.second)
     apart = se3.adjoint(se3.inverse(settled.poses[b])) @ (settled.wander[b] - settled.wander[a])
     covariance = step.covariance + apart @ np.swapaxes(apart, 1, 2) / apart.shape[2]
-    distance = mahalanobis_squared(_jump(robots, found, node).error[None], covariance)[0]
+    error = se3.log(se3.between(step.T, se3.between(settled.poses[a], settled.poses[b])))
+    distance = mahalanobis_squared(error, covariance)[0]
     return bool(distance > outlier_limit(len(robots.odometry), 1.0 - EXPECTED_BY_CHANCE, robots.degrees))
 
 
 def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
     step, poses = robots.odometry.subset(robots.steps_across(node)), found.merged.settled.poses
-    return Jump(node, se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0])
+    error = se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0]
+    held = np.unique(robots.loop_ends[:, found.merged.inlier])
+    of_ends, (before, after) = found.robots.robot[held], found.robots.robot[[node - 1, node]]
+    last = held[of_ends == before].max(initial=found.robots.first_nodes[before])
+    following = held[of_ends == after].min(initial=np.flatnonzero(found.robots.robot == after)[-1])
+    return Jump(node, error, (int(last), int(following)))
 
 
 def _of_whole_robots(robots: Robots, found: _Explanation) -> MergedGroups:

@@ -15,12 +15,11 @@ from scipy.spatial import cKDTree
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import SAMPLES, outlier_limit
-from wiclosure.backends.least_squares.system import LEAST_VARIANCE
-from wiclosure.backends.sets.claims import Claims
+from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 NEIGHBOURS = 8  # loops whose ends are nearest along the path, with which each is compared
+PAIRS_AT_ONCE = 4096  # bounds memory
 SUPPORTERS = 2  # of them, supported themselves, that must agree with it: one may by chance
 
 
@@ -71,18 +70,44 @@ class OwnClaims:
 
         Errors of odometry up to the earlier end move both ends; those of the steps between, the later one alone.
         """
-        summed, of_frames = _drift(self.robots), se3.adjoint(se3.inverse(self.frames))
-        before, between = summed[self.first], summed[self.second] - summed[self.first]
-        noise = se3.rotate_covariance(se3.adjoint(self.robots.poses[self.second]), self.covariance)
-        covariance = noise + between + se3.rotate_covariance(of_frames - np.eye(DEGREES), before)
+        drift, of_frames = self.drift, se3.adjoint(se3.inverse(self.frames))
+        before, between = drift[self.first], drift[self.second] - drift[self.first]
+        covariance = self.noise + between + se3.rotate_covariance(of_frames - np.eye(DEGREES), before)
         return mahalanobis_squared(se3.log(self.frames), covariance)
 
     @cached_property
-    def claims(self) -> Claims:
-        """With samples of the errors of odometry, which loops share."""
-        T_a, T_b = self.robots.poses[self.first], self.robots.poses[self.second]
-        wander = _wander(self.robots)
-        return Claims(T_a, T_b, self.T, self.covariance, wander[self.first], wander[self.second])
+    def noise(self) -> FloatArray:
+        """Covariance `(N, 6, 6)` of `frames` by the measurements alone, as errors in the robot's frame."""
+        return se3.rotate_covariance(se3.adjoint(self.robots.poses[self.second]), self.covariance)
+
+    @cached_property
+    def drift(self) -> FloatArray:
+        """Covariances `(K, 6, 6)` of all poses by odometry, as errors in the robots' frames."""
+        steps, of_steps = self.robots.odometry, np.zeros((len(self.robots.robot), DEGREES, DEGREES))
+        moved = se3.adjoint(self.robots.poses[steps.second])
+        of_steps[steps.second] = se3.rotate_covariance(moved, steps.covariance)
+        summed = np.cumsum(of_steps, axis=0)
+        return np.asarray(summed - summed[self.robots.first_nodes[self.robots.robot]])
+
+    def pair_distances(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Squared Mahalanobis distances `(P,)` between the frames at `one` and those at `other`, of one robot each."""
+        parts = range(0, len(one), PAIRS_AT_ONCE)
+        of_parts = [self._apart(one[at : at + PAIRS_AT_ONCE], other[at : at + PAIRS_AT_ONCE]) for at in parts]
+        return np.concatenate([np.zeros(0), *of_parts])
+
+    def _apart(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Steps of odometry up to the first of the four ends move all of them, those up to the second three, ..."""
+        ends = np.stack([self.first[one], self.second[one], self.first[other], self.second[other]], axis=1)
+        moves = np.tile(np.eye(DEGREES), (*ends.shape, 1, 1))  # of the difference, by each end
+        moves[:, 0], moves[:, 2] = (se3.adjoint(se3.inverse(self.frames[rows])) for rows in (one, other))
+        moves[:, [0, 3]] *= -1.0
+        order = np.argsort(ends, axis=1)
+        ends, moves = np.take_along_axis(ends, order, 1), np.take_along_axis(moves, order[..., None, None], 1)
+        moves = np.cumsum(moves[:, ::-1], axis=1)[:, ::-1]
+        steps = np.diff(self.drift[ends], axis=1, prepend=0.0)
+        covariance = self.noise[one] + self.noise[other] + se3.rotate_covariance(moves, steps).sum(axis=1)
+        error = se3.log(se3.between(self.frames[one], self.frames[other]))
+        return mahalanobis_squared(error, covariance)
 
     def refuted(self, limit: float) -> BoolArray:
         """`(N,)` those further from what odometry says than a squared distance of `limit`."""
@@ -109,7 +134,7 @@ class OwnClaims:
         one, other = np.repeat(np.arange(count), nearest.size // max(count, 1)), nearest.ravel()
         comparable = (one != other) & (robot[one] == robot[other])
         one, other = one[comparable], other[comparable]
-        return one, other, self.claims.pair_distances(one, other)
+        return one, other, self.pair_distances(one, other)
 
     def supported(self, limit: float) -> BoolArray:
         """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""
@@ -121,22 +146,3 @@ class OwnClaims:
             if (still == found).all():
                 return found
             found = still
-
-
-def _drift(robots: Robots) -> FloatArray:
-    """Covariances `(N, 6, 6)` of the poses by odometry, of errors in the robots' frames, since the first robot's."""
-    steps = robots.odometry
-    of_steps = np.zeros((len(robots.robot), DEGREES, DEGREES))
-    of_steps[steps.second] = se3.rotate_covariance(se3.adjoint(robots.poses[steps.second]), steps.covariance)
-    summed = np.cumsum(of_steps, axis=0)
-    return np.asarray(summed - summed[robots.first_nodes[robots.robot]])
-
-
-def _wander(robots: Robots) -> FloatArray:
-    """Samples `(N, 6, S)` of the errors of the poses by odometry, as tangent vectors in the robots' frames."""
-    steps, rng = robots.odometry, np.random.default_rng(len(robots.odometry))
-    L = np.linalg.cholesky(steps.covariance + LEAST_VARIANCE * np.eye(DEGREES))
-    errors = np.zeros((len(robots.robot), DEGREES, SAMPLES))
-    errors[steps.second] = se3.adjoint(robots.poses[steps.second]) @ L @ rng.normal(size=(len(steps), DEGREES, SAMPLES))
-    summed = np.cumsum(errors, axis=0)
-    return np.asarray(summed - summed[robots.first_nodes[robots.robot]])

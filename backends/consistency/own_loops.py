@@ -8,8 +8,9 @@ import numpy as np
 
 from wiclosure.backends.consistency.own_claims import OwnClaims
 from wiclosure.backends.least_squares.chordal import cheaper, cheaper_start, chordal
+from wiclosure.backends.least_squares.graduated import graduated
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import Settled, graduated, outlier_limit, settle
+from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.types import BoolArray, FloatArray

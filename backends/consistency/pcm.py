@@ -12,9 +12,10 @@ from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, 
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
 from wiclosure.backends.consistency.merging import MergedGroups
-from wiclosure.backends.consistency.odometry_jumps import OdometryJump, merge_despite_jumps
+from wiclosure.backends.consistency.odometry_jumps import merge_despite_jumps
 from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
@@ -34,6 +35,7 @@ class PcmResult:
         scale: how many times the stated standard deviations are taken (`PcmSettings.max_scale`).
         basis: the estimate that the decisions rest on, where `method: groups` made one.
         jumps: steps of odometry that closures contradict, which are not believed.
+        open_jumps: those that would explain what closures say as well as false closures do; odometry is believed.
     """
 
     closures: tuple[Closure, ...]
@@ -41,6 +43,7 @@ class PcmResult:
     scale: float = 1.0
     basis: tuple[TeamArrays, MergedGroups] | None = None
     jumps: tuple[OdometryJump, ...] = ()
+    open_jumps: tuple[OdometryJump, ...] = ()
 
     @property
     def odometry_factors(self) -> dict[str, float]:
@@ -61,8 +64,14 @@ class PcmResult:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A sentence for each pair of robots of which two sets of closures contradict each other, one accepted."""
-        return tuple(pair.doubt for pair in self.pairs if pair.doubt)
+        """A sentence for two sets of closures that contradict each other, one accepted, and for what may be a jump."""
+        of_pairs = tuple(pair.doubt for pair in self.pairs if pair.doubt)
+        return (*of_pairs, *(jump.doubt for jump in self.open_jumps))
+
+    @property
+    def in_doubt(self) -> set[tuple[str, str]]:
+        """The robots of the doubts."""
+        return {(pair.robot_a, pair.robot_b) for pair in self.pairs if pair.doubt}
 
     @property
     def diagnosis(self) -> tuple[str, ...]:
@@ -141,7 +150,8 @@ def pairwise_consistent(
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     predicted = np.array([c.prediction is not None or row in supported for row, c in enumerate(closures)])
     team = TeamArrays.of(trajectories, sets, predicted)
-    merged, jumps = merge_despite_jumps(team.robots, merge_settings(settings, team.robots.degrees))
+    decided_on = merge_despite_jumps(team.robots, merge_settings(settings, team.robots.degrees))
+    merged = decided_on.merged
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
     checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
@@ -149,8 +159,9 @@ def pairwise_consistent(
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
-    not_believed = tuple(OdometryJump.of_team(team, jump, trajectories) for jump in jumps)
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), not_believed)
+    of_both = decided_on.believed, decided_on.open
+    jumps, left_open = (tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of) for of in of_both)
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:

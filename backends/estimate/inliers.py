@@ -25,7 +25,8 @@ from wiclosure.backends.factor_graph.factors import (
 )
 from wiclosure.backends.factor_graph.radio_factors import radio_factors
 from wiclosure.backends.least_squares.edges import degrees_of_freedom
-from wiclosure.backends.least_squares.settling import graduated, settle
+from wiclosure.backends.least_squares.graduated import graduated
+from wiclosure.backends.least_squares.settling import settle
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.types import BoolArray, FloatArray
 

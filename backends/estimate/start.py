@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost
 from wiclosure.backends.least_squares.chordal import chordal
-from wiclosure.backends.least_squares.settling import truncated_cost
 from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.types import FloatArray

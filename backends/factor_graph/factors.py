@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wiclosure.backends.closure_sets import ClosureSet
 from wiclosure.backends.config import PoseGraphSettings
+from wiclosure.backends.factor_graph.truncated_least_squares import truncated_weights
 from wiclosure.types import BoolArray, FloatArray, IntArray, RadioLinks, Trajectory
 
 ANCHOR = np.full(6, 1e-4)  # fixes the gauge; nothing pulls at it, so it is met exactly
@@ -212,7 +213,7 @@ def _by_graduated_non_convexity(
     chi_square = _chi_squares(candidates, estimate)
     mu = limit / max(2 * float(chi_square.max()) - limit, limit)  # convex at first: the largest residual is inside
     for _ in range(GNC_STEPS):
-        weights = _truncated_weights(chi_square, limit, mu)
+        weights = truncated_weights(chi_square, limit, mu)
         if np.isin(weights, (0.0, 1.0)).all():
             break
         graph = with_factors(known, _weighted(candidates, weights))
@@ -228,13 +229,6 @@ def _moved(before: FloatArray, after: FloatArray, limit: float) -> float:
     """Largest change of a residual among the better half of the closures, as a share of the residual at the limit."""
     better = before <= np.median(before)
     return float(np.abs(np.sqrt(after) - np.sqrt(before))[better].max() / np.sqrt(limit))
-
-
-def _truncated_weights(chi_square: FloatArray, limit: float, mu: float) -> FloatArray:
-    """Weights `(N,)` of the surrogate cost (eq. 14 of Yang et al.): 1 inside, 0 outside, falling between."""
-    inside, outside = limit * mu / (mu + 1), limit * (mu + 1) / mu
-    between = np.sqrt(limit * mu * (mu + 1) / np.clip(chi_square, inside, outside)) - mu
-    return np.where(chi_square <= inside, 1.0, np.where(chi_square >= outside, 0.0, between))
 
 
 def _weighted(factors: Sequence[gtsam.NoiseModelFactor], weights: FloatArray) -> list[gtsam.NonlinearFactor]:

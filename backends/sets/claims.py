@@ -225,5 +225,6 @@ def _growth(distances: FloatArray) -> float:
 
     Ground robots hardly roll or pitch: unrelated frames fill fewer than six dimensions (Levina and Bickel, NIPS 2004).
     """
-    ratios = np.log(distances[-1] / np.maximum(distances[:-1], np.finfo(float).tiny))
+    logarithms = np.log(np.maximum(distances, np.finfo(float).tiny))  # closures given twice are no distance apart
+    ratios = logarithms[-1] - logarithms[:-1]
     return float(1.0 / max(float(ratios.mean()), 1e-9))

@@ -7,8 +7,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import FloatArray, Prediction, PredictionKind
 
-_REACH_VOXELS = 6.0
-_REACH_YAW_RAD = 0.3
+REACH_VOXELS = 6.0
+REACH_YAW_RAD = 0.3
 _UNKNOWN_YAW_RAD = 1.0
 _SPREAD = 1.5
 
@@ -35,13 +35,13 @@ def around_prediction(prediction: Prediction, scan_context_yaw_rad: float | None
     steps = [np.zeros(6)]
     variances, axes = np.linalg.eigh(covariance[3:, 3:])
     for variance, axis in zip(variances[:0:-1], axes.T[:0:-1], strict=True):
-        if prediction.kind is PredictionKind.POSE and variance > (_REACH_VOXELS * voxel_m) ** 2:
+        if prediction.kind is PredictionKind.POSE and variance > (REACH_VOXELS * voxel_m) ** 2:
             step = np.concatenate([np.zeros(3), _SPREAD * np.sqrt(variance) * axis])
             steps += [step, -step]
     sigma_yaw_rad = float(np.sqrt(covariance[2, 2]))
     if sigma_yaw_rad > _UNKNOWN_YAW_RAD:
         steps += [_turn(angle) for angle in np.arange(1, 8) * np.pi / 4]
-    elif sigma_yaw_rad > _REACH_YAW_RAD:
+    elif sigma_yaw_rad > REACH_YAW_RAD:
         steps += [_turn(_SPREAD * sigma_yaw_rad), _turn(-_SPREAD * sigma_yaw_rad)]
     if scan_context_yaw_rad is not None:
         turn = scan_context_yaw_rad - float(se3.yaw(T_query_match))

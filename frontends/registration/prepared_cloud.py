@@ -12,8 +12,8 @@ import small_gicp
 from wiclosure.frontends.registration.free_space import FreeSpace
 from wiclosure.types import Float32Array, FloatArray, KeyframeId
 
-_NEIGHBOURS = 12  # that tell a point's normal; 20 take a fifth longer and measure no better
-_LEVEL_GROUND = 0.8
+NEIGHBOURS = 12  # that tell a point's normal; 20 take a fifth longer and measure no better
+LEVEL_GROUND = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,10 +56,10 @@ class PreparedCloud:
         """Prepares a cloud `(N, 3)` in the body's axes."""
         points = np.asarray(cloud, np.float64)
         levels = tuple(
-            CloudLevel(*small_gicp.preprocess_points(points, size, num_neighbors=_NEIGHBOURS, num_threads=num_threads))
+            CloudLevel(*small_gicp.preprocess_points(points, size, num_neighbors=NEIGHBOURS, num_threads=num_threads))
             for size in voxel_sizes_m
         )
-        upright = np.abs(np.asarray(levels[-1].cloud.normals())[:, 2]) < _LEVEL_GROUND
+        upright = np.abs(np.asarray(levels[-1].cloud.normals())[:, 2]) < LEVEL_GROUND
         return cls(voxel_sizes_m[-1], levels, levels[-1].points[upright], FreeSpace.of(points, voxel_sizes_m[-1]))
 
 

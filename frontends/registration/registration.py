@@ -17,7 +17,7 @@ from wiclosure.frontends.registration.result import RegistrationResult
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Closure, Float32Array, FloatArray, Prediction, Stage
 
-_ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
+ELSEWHERE_VOXELS, ELSEWHERE_RAD = 4.0, 0.2
 
 
 class Registration:
@@ -106,7 +106,7 @@ class Registration:
         for other in others:
             gap = se3.between(best.T_query_match, other.T_query_match)
             metres, radians = float(np.linalg.norm(gap[:3, 3])), float(se3.rotation_angle(gap))
-            elsewhere = metres > _ELSEWHERE_VOXELS * voxel_m or radians > _ELSEWHERE_RAD
+            elsewhere = metres > ELSEWHERE_VOXELS * voxel_m or radians > ELSEWHERE_RAD
             if elsewhere and other.score > self._settings.ambiguity * best.score:
                 return (
                     f"ambiguous: a pose {metres:.1f} m and {np.degrees(radians):.0f} degrees away fits nearly as well,"

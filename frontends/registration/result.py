@@ -18,7 +18,6 @@ _POINTS_SHARING_AN_ERROR = 30.0
 _FLOOR_VOXELS = 0.1  # 5 cm on a street
 _FLOOR_M, _FLOOR_RAD = 0.02, 0.01
 
-_REFUTATION_WEIGHT = 20.0
 _LEAST_INFORMATION = 1e-3  # keeps directions that nothing constrains finite
 
 
@@ -49,12 +48,8 @@ class RegistrationResult:
 
     @property
     def score(self) -> float:
-        """What decides between poses of the same clouds: a free-space conflict weighs twenty times a match.
-
-        Between equal pillars a wrong pose may match more points than the true one, where what would contradict it is
-        hidden or out of range.
-        """
-        return float(self.evidence.inlier_ratio * self.evidence.agreement**_REFUTATION_WEIGHT)
+        """What decides between poses of the same clouds."""
+        return self.evidence.score
 
     def chi2(self, prediction: Prediction) -> float:
         """Squared Mahalanobis distance from a prediction."""

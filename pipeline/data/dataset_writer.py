@@ -119,7 +119,7 @@ def write_kitti_folder(path: Path | str, scans: Iterable[Scan], *, T_world_lidar
             rows[:, :3] = scan.points
             if scan.intensity is not None:
                 rows[:, 3] = scan.intensity
-            rows.tofile(scratch / "velodyne" / f"{number:06d}.bin")
+            (scratch / "velodyne" / f"{number:06d}.bin").write_bytes(rows.tobytes())
             stamps_ns.append(scan.stamp_ns)
         (scratch / "times.txt").write_text("".join(f"{text}\n" for text in seconds_text(stamps_ns)))
         if T_world_lidar is not None:

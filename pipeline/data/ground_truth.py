@@ -166,6 +166,7 @@ def _calibration(path: Path) -> FloatArray | None:
             if not (np.abs(T[:3, 3]) < _FURTHEST_MOUNTED_M).all():
                 raise InputError(f"{path}, {name.strip()}: {T[:3, 3].tolist()} m is no place of a LiDAR on a robot")
             return T
+    logger.warning("%s has no line Tr: poses are taken as those of the LiDAR", path)
     return None
 
 

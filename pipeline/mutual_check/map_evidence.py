@@ -9,7 +9,7 @@ import numpy as np
 
 from wiclosure.pipeline.mutual_check.readings import Apart
 from wiclosure.types import BoolArray, FloatArray, IntArray, Trajectory, WirelessLog
-from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.config import AlignmentSettings, RadioModel
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Mixture, displacement
@@ -89,9 +89,34 @@ class MergedPair:
             (observations.weight, no_ranges, across_rad, _sharpest_rad(observations)),
         ):
             mixture = Mixture.of(observations.restricted(weight, range_m), self.alignment.radio, drift)
-            counted = observations.independence / (1.0 + (off / _as_first(noise, part, widened)) ** 2)
-            total += counted * mixture.explain(there).log_likelihood[0]
+            told = 1.0 / (1.0 + (off / _as_first(noise, part, widened)) ** 2)
+            total += observations.independence * told * mixture.explain(there).log_likelihood[0]
+            if weight is no_paths:
+                total += observations.independence * (1.0 - told) * self._of_changes(observations, part, there[0])
         return total
+
+    def _of_changes(self, observations: Observations, part: IntArray, there: FloatArray) -> FloatArray:
+        """Log-likelihoods `(M,)` of how ranges change from one measurement to the next of the same direction.
+
+        What drift has spoilt since the closures is nearly the same for both, so it drops out, and so does an obstacle
+        that stays; what is left is noise, as in von Neumann's ratio ("Distribution of the ratio of the mean square
+        successive difference to the variance", 1941).  Each measurement is in two differences: they count half.
+        """
+        rows = np.flatnonzero(np.isfinite(observations.range_m))
+        rows = rows[np.lexsort([observations.stamp_ns[rows], observations.a_receives[rows], part[rows]])]
+        before, after = rows[:-1], rows[1:]
+        same = (part[before] == part[after]) & (observations.a_receives[before] == observations.a_receives[after])
+        before, after = before[same], after[same]
+        excess_m = observations.range_m - np.linalg.norm(there, axis=1)
+        a, b = (self.merged[robot] for robot in self.pair)
+        odometry = PairOdometry(a, b, self.alignment.drift_inflation)
+        drift_m, _ = odometry.drift_since(
+            observations.index_a[before], observations.index_b[before], observations.subset(after)
+        )
+        noise = observations.range_sigma_m[before] ** 2 + observations.range_sigma_m[after] ** 2
+        found = np.zeros(len(observations))
+        found[after] = _sharpness(excess_m[after] - excess_m[before], noise, drift_m**2, self.alignment.radio) / 2
+        return found
 
     def _drift(self, observations: Observations) -> tuple[FloatArray, FloatArray]:
         """Standard deviations `(M,)` of position (m) and yaw (rad) by odometry since the nearest closures."""
@@ -102,6 +127,22 @@ class MergedPair:
         a, b = (self.merged[robot] for robot in self.pair)
         odometry = PairOdometry(a, b, self.alignment.drift_inflation)
         return odometry.drift_since(at_a, at_b, observations)
+
+
+def _sharpness(change_m: FloatArray, noise: FloatArray, drift: FloatArray, radio: RadioModel) -> FloatArray:
+    """How changes of ranges' errors speak for noise and drift of these variances, all `(M,)`.
+
+    Log-likelihoods by the mixture; 0 is a change that obstacles between the antennas explain as well.
+    """
+    both_direct, gross = (1.0 - radio.range_biased) ** 2, 1.0 - (1.0 - radio.range_outlier) ** 2
+
+    def told(variance: FloatArray) -> FloatArray:
+        peak = radio.range_reach_m / np.sqrt(2 * np.pi * variance)
+        return np.asarray((1.0 - gross) * peak * np.exp(-(change_m**2) / (2 * variance)))
+
+    obstructed = 2 * radio.range_bias_m**2 + drift
+    as_noise = both_direct * told(noise + drift) + (1.0 - both_direct) * told(noise + obstructed)
+    return np.asarray(np.log(gross + as_noise) - np.log(gross + told(obstructed)))
 
 
 def _sharpest_rad(observations: Observations) -> FloatArray:

@@ -114,7 +114,8 @@ def readings_of_log(
     """Errors of the log alone, also of its standard deviations: for where closures have fixed the trajectories."""
     tried = [r for r in readings(robot_a, robot_b, log, usual, apart) if all(c.of_log for c in r.corrections)]
     found = [Reading(_about(r.corrections[0])) if r.corrections[0].log_scale else r for r in tried]
-    return [*found, *(Reading((sigmas_too_small(factor),), widens=True) for factor in _SIGMA_FACTORS)]
+    alone = _ranges_less_exact, _directions_less_exact
+    return [*found, *(Reading(tuple(map(of, _SIGMA_FACTORS)), widens=True) for of in (sigmas_too_small, *alone))]
 
 
 def _sized(
@@ -204,6 +205,20 @@ def _scaled_by(size: float) -> Correction:
     factor = 1.0 + size
     side = "long" if factor < 1 else "short"
     return _ranges_by(f"ranges are about {abs(100 / factor - 100):.0f} % too {side} for the odometry", factor)
+
+
+def _ranges_less_exact(factor: float) -> Correction:
+    def widened(m: WirelessMeasurement) -> WirelessMeasurement:
+        return m if m.range_sigma_m is None else replace(m, range_sigma_m=factor * m.range_sigma_m)
+
+    return _each(f"standard deviations of ranges seem to be about {factor:g} times too small", widened)
+
+
+def _directions_less_exact(factor: float) -> Correction:
+    def widened(m: WirelessMeasurement) -> WirelessMeasurement:
+        return replace(m, paths=tuple(replace(p, sigma=max(p.sigma, min(factor * p.sigma, np.pi))) for p in m.paths))
+
+    return _each(f"standard deviations of directions seem to be about {factor:g} times too small", widened)
 
 
 def _ranges_times(factor: float) -> Correction:

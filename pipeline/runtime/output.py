@@ -33,6 +33,8 @@ def require_free(out: Path, *, overwrite: bool) -> None:
             cannot be written.
     """
     here = Path.cwd().resolve()
+    if out.is_symlink() and not out.exists():
+        raise OutputError(f"{out} is a link to {out.readlink()}, which does not exist; choose another --out")
     if out.exists() and not overwrite:
         raise OutputError(f"{out} exists already; choose another --out, or replace it with --overwrite")
     if out.exists() and not out.is_dir():
@@ -77,6 +79,8 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
                 f"writing {out} failed ({_reason(error)}); make room or choose another --out; nothing unfinished stays"
             ) from error
         raise
+    except OutputError as error:
+        raise _about(out, scratch, error) from error
     finally:
         with suppress(FileNotFoundError):
             shutil.rmtree(scratch)
@@ -111,6 +115,8 @@ def whole_file(path: Path, *, mode: int = 0o644) -> Iterator[Path]:
         scratch.replace(path)
     except OSError as error:
         raise OutputError(f"writing {path} failed ({_reason(error)}); nothing half-written is left") from error
+    except OutputError as error:
+        raise _about(path, scratch, error) from error
     finally:
         scratch.unlink(missing_ok=True)
 
@@ -153,6 +159,11 @@ def _replace(out: Path, scratch: Path) -> None:
     out.rename(old / out.name)
     scratch.rename(out)
     shutil.rmtree(old)
+
+
+def _about(out: Path, scratch: Path, error: OutputError) -> OutputError:
+    """The same, of the result's own place: the one aside is gone."""
+    return OutputError(str(error).replace(str(scratch), str(out)))
 
 
 def _reason(error: OSError) -> str:

@@ -39,7 +39,8 @@ class Solution:
         bytes_exchanged: what the robots would have sent each other.
         diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
         contradictions: those on robots of which radio and closures, or clocks, tell differently.
-        doubts: those on robots of which two sets of closures contradict each other, one of them accepted.
+        doubts: those on robots of which two sets of closures contradict each other, one of them accepted, or whose
+            scans fit as well otherwise.
         without_radio: robots that measured each other and went on as if they had not.
     """
 

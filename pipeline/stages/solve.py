@@ -19,6 +19,7 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck
+from wiclosure.pipeline.mutual_check.rival_maps import RivalMap, rival_maps
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
 from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
 from wiclosure.pipeline.runtime.progress import Progress
@@ -60,10 +61,12 @@ def solve(
     told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
     unsure = in_doubt(checks, found.graph.accepted)
     unsure_rivals = in_doubt(found.rivals, found.graph.accepted)
+    said_already = unsure | unsure_rivals | found.consistent.in_doubt
     doubts = (
         *found.consistent.doubts,
         *(said for pair, said in told.items() if pair in unsure),
         *(one.sentence for one in found.rivals if one.pair in unsure_rivals),
+        *(one.sentence for one in found.other_maps if not {one.pair, one.pair[::-1]} & said_already),
     )
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
@@ -71,13 +74,14 @@ def solve(
     )
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
+    seconds["verification"] += took["rival maps"]
     return Solution(
         filtered=filtered,
         matched=found.attempt.matched,
         closures=closures,
         graph=found.graph,
         seconds=seconds,
-        seconds_spent=seconds | {"verification": attempts.took["verification"]},
+        seconds_spent=seconds | {"verification": attempts.took["verification"] + took["rival maps"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
         doubts=doubts,
@@ -108,6 +112,7 @@ class _Estimate:
         consistent: closures that agree.
         graph: the estimate.
         by_map: what the merged map tells of the measurements.
+        other_maps: ways in which robots may lie to each other as well, that their scans allow.
     """
 
     attempt: Attempt
@@ -116,6 +121,7 @@ class _Estimate:
     consistent: PcmResult
     graph: GraphResult
     by_map: AgainstMap
+    other_maps: Sequence[RivalMap]
 
 
 def _estimated(
@@ -137,7 +143,27 @@ def _estimated(
         graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
         by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
-    return _Estimate(attempt, checks, rivals, consistent, graph, by_map)
+    with took.time("rival maps"):
+        log = wireless if heard else WirelessLog()
+        other_maps = _other_maps(attempts, attempt, checks, graph, log) if config.mutual_check.enabled else []
+    return _Estimate(attempt, checks, rivals, consistent, graph, by_map, other_maps)
+
+
+def _other_maps(
+    attempts: Attempts, attempt: Attempt, checks: Sequence[PairCheck], graph: GraphResult, wireless: WirelessLog
+) -> list[RivalMap]:
+    """Ways in which robots may lie to each other as well; not looked for where radio or GNSS has told the way."""
+    fixed = {robot for robot, fixes in graph.ground.earth.fixes.items() if len(fixes)}
+    closures = [c for c in graph.closures if not {c.query.robot, c.match.robot} <= fixed]
+    contradicted = {one.pair for one in checks if one.weighed is not None or one.contested}
+    certain = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments if not one.ambiguous} - contradicted
+
+    def register(proposed: Sequence[Closure]) -> list[Closure]:
+        return attempts.registrations.register(proposed, attempts.progress)[0]
+
+    clouds = {robot: front.clouds for robot, front in attempts.fronts.items()}
+    merged, odometry, config = graph.trajectories, attempts.keyframes, attempts.config
+    return rival_maps(merged, closures, clouds, odometry, wireless, certain, config, register)
 
 
 def _held_against_map(

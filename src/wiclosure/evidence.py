@@ -13,6 +13,7 @@ from wiclosure.arrays import FloatArray
 # No useful closure is less exact, whatever it states: DiSCo-SLAM's have variances of a square metre, and as many
 # square radians, which would leave nothing to object to.
 _WORST_SIGMA = np.array([0.05, 0.05, 0.05, 0.5, 0.5, 0.5])
+_REFUTATION_WEIGHT = 20.0
 
 
 def capped_covariance(covariance: FloatArray) -> FloatArray:
@@ -96,6 +97,15 @@ class RegistrationEvidence:
     agreement: float
     rms_m: float
     prediction_chi2: float | None = None
+
+    @property
+    def score(self) -> float:
+        """What decides between poses of the same clouds: a free-space conflict weighs twenty times a match.
+
+        Between equal pillars a wrong pose may match more points than the true one, where what would contradict it is
+        hidden or out of range.
+        """
+        return float(self.inlier_ratio * self.agreement**_REFUTATION_WEIGHT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

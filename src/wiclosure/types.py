@@ -6,6 +6,7 @@ left, z up; metres and radians; time is integer nanoseconds.  Tangent vectors an
 """
 
 from wiclosure.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from wiclosure.calibration import Calibration
 from wiclosure.candidates import CandidatePairs, RelativePosePredictor, robot_pairs
 from wiclosure.closure import Closure, KeyframeId, Stage, measured_poses, survivors
 from wiclosure.earth import EarthMeasurements, GnssLog, PositionFixes, UpDirections
@@ -18,15 +19,8 @@ from wiclosure.evidence import (
     ScanContextMatch,
     capped_covariance,
 )
-from wiclosure.filter_result import (
-    AlignmentFit,
-    AlignmentHypothesis,
-    Calibration,
-    ClosureCheck,
-    FilterResult,
-    FrameAlignment,
-    RadioLinks,
-)
+from wiclosure.filter_result import ClosureCheck, FilterResult, RadioLinks
+from wiclosure.frame_alignment import AlignmentFit, AlignmentHypothesis, FrameAlignment
 from wiclosure.inertial import ImuLog
 from wiclosure.scan import Scan
 from wiclosure.trajectory import Trajectory, require_own_names

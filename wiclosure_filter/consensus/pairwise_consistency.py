@@ -131,7 +131,7 @@ def consistency(links: FullLinks, observations: Observations, odometry: PairOdom
     yaw_variance = links.covariance[first, 2, 2] + links.covariance[second, 2, 2] + _ODOMETRY_YAW_RAD**2
     possible = (links.row[first] != links.row[second]) & (turned**2 < 16 * yaw_variance)  # spares most of the loops
     first, second = first[possible], second[possible]
-    limit = chi2.ppf(confidence, 3 if observations.flat.all() else 4)
+    limit = chi2.ppf(confidence, 3 if observations.all_flat else 4)
     consistent = np.zeros((len(links), len(links)), bool)
     for start in range(0, len(first), _PAIRS_AT_A_TIME):
         one, other = first[start : start + _PAIRS_AT_A_TIME], second[start : start + _PAIRS_AT_A_TIME]

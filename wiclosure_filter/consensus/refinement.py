@@ -171,10 +171,10 @@ def normal_equations(states: FloatArray, mixture: Mixture, prior: Prior) -> tupl
 
 def displacement_m(states: FloatArray, others: FloatArray, observations: Observations) -> FloatArray:
     """Root mean square distance between the places that two transforms give to b's antennas, horizontally."""
-    spread = (observations.b[:, :2] ** 2).sum(axis=1).mean()  # b is centred: turning and shifting do not mix
-    turned = 2 * spread * (1 - np.cos(states[..., 0] - others[..., 0]))
-    shifted = ((states[..., 1:3] - others[..., 1:3]) ** 2).sum(axis=-1)
-    return np.asarray(np.sqrt(turned + shifted))
+    off = states - others
+    # b is centred: turning and shifting do not mix
+    turned = 2 * observations.spread_b_m2 * (1 - np.cos(off[..., 0]))
+    return np.asarray(np.sqrt(turned + off[..., 1] ** 2 + off[..., 2] ** 2))
 
 
 def first_distinct(

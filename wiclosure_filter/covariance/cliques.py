@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from wiclosure.types import FloatArray, IntArray
 
@@ -29,7 +29,7 @@ class Clique:
         poses: `(k,)`.
         separator: `(w,)` poses of cliques above.
         response: `(6 k, 6 w)`.
-        remainder: `(6 k, 6 k)`, upper triangular.
+        remainder: `(6 k, 6 k)`, upper triangular, column by column as BLAS has it.
         parent: number of the clique above; -1 at a root.
     """
 
@@ -141,5 +141,7 @@ def _clique(members: Sequence[_Member], parent: int) -> Clique:
         rows[6 * start : 6 * (start + member.k), columns] = blocks.reshape(6 * member.k, -1, 6)
         start += member.k
     dense, size = rows.reshape(6 * len(poses), -1), 6 * len(poses)
-    remainder = np.asarray(solve_triangular(dense[:, :size], np.eye(size), check_finite=False))
+    remainder, singular = dtrtri(dense[:, :size])
+    if singular:
+        raise np.linalg.LinAlgError("a pose is not determined")
     return Clique(poses, separator, -remainder @ dense[:, size:], remainder, parent)

@@ -156,11 +156,16 @@ class Rows:
 
     def cross(self, other: Rows) -> FloatArray:
         """Covariance `(n, m, d, d)` between two robots' poses."""
-        product = self._at(other.cliques).T @ other._at(self.cliques)
         (_, n, d), (_, m, e) = self.values.shape, other.values.shape
+        product = np.zeros((n * d, m * e))
+        for own, of_other in zip(self._runs(other), other._runs(self), strict=True):
+            product += self.values[own].reshape(-1, n * d).T @ other.values[of_other].reshape(-1, m * e)
         return np.asarray(product.reshape(n, d, m, e).swapaxes(1, 2))
 
-    def _at(self, cliques: IntArray) -> FloatArray:
-        """Values `(c, n d)` of some of the cliques, where they are there."""
-        there = np.repeat(np.isin(self.cliques, cliques, assume_unique=True), self.lengths)
-        return self.values[there].reshape(int(there.sum()), -1)
+    def _runs(self, other: Rows) -> list[slice]:
+        """Where columns are that both have, in stretches that are one piece in both: no copies of them are needed."""
+        _, here, there = np.intersect1d(self.cliques, other.cliques, assume_unique=True, return_indices=True)
+        ends = np.concatenate([[0], np.cumsum(self.lengths)])
+        breaks = np.flatnonzero((np.diff(here) > 1) | (np.diff(there) > 1)) + 1
+        runs = np.split(here, breaks)
+        return [slice(int(ends[run[0]]), int(ends[run[-1] + 1])) for run in runs if len(run)]

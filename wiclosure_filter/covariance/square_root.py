@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.blas import dtrmm
 
 from wiclosure.types import FloatArray, IntArray
 from wiclosure.wiclosure_filter.covariance.cliques import Clique, Eliminated
@@ -46,19 +47,18 @@ class SquareRoot:
         """Rows of R^-1, as columns: how poses depend on the independent z.
 
         Args:
-            poses: `(P,)`.
+            poses: `(P,)`, for speed in an order in which those near each other follow each other.
             parts: `(P, d, 6)` what is asked of each of them.
 
         Returns:
             Values `(6 C, P, d)`, and the cliques, increasing, whose C poses their rows belong to, in order.
         """
         path = _Path.of(self, poses)
-        order = np.argsort(self.clique_of[poses], kind="stable")  # what stands below a clique stands together
         values = np.zeros((path.size, 6, len(poses), parts.shape[1]))
-        values[path.at[poses[order]], :, np.arange(len(poses))] = np.swapaxes(parts[order], 1, 2)
-        spans = path.spans(poses[order], np.arange(len(poses)))
+        values[path.at[poses], :, np.arange(len(poses))] = np.swapaxes(parts, 1, 2)
+        spans = path.spans(poses, np.arange(len(poses)))
         path.pull(values.reshape(6 * path.size, -1), spans, parts.shape[1])
-        return values.reshape(6 * path.size, len(poses), -1)[:, np.argsort(order)], path.cliques
+        return values.reshape(6 * path.size, len(poses), -1), path.cliques
 
     def with_ones(self, poses: Sequence[IntArray], ones: IntArray) -> list[FloatArray]:
         """Covariances `(P, 6, 6)` of some poses with one: columns of the inverse, by two sparse substitutions.
@@ -178,7 +178,7 @@ class _Path:
         for clique, own, columns in reversed(list(self._steps(spans, width))):
             moved = values[own, columns]
             values[self._rows(clique.separator), columns] += clique.response.T @ moved
-            moved[:] = clique.remainder.T @ moved
+            moved[:] = dtrmm(1.0, clique.remainder, moved.T, side=1).T  # of a triangle, at half the cost of `@`
 
     def follow(
         self,

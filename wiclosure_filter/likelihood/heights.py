@@ -32,11 +32,9 @@ def height_sigma_m(a: Trajectory, b: Trajectory, distance_m: float, settings: Al
 def slope(positions: FloatArray, distance_m: float) -> float:
     """Root mean square slope of a path `(N, 3)` between places up to `distance_m` of travel apart; 0 without any."""
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions[:, :2], axis=0), axis=1))])
-    squared = []
-    for lag in np.linspace(distance_m / _LAGS, distance_m, _LAGS):
-        first = np.flatnonzero(travelled + lag <= travelled[-1])
-        if len(first):
-            second = np.searchsorted(travelled, travelled[first] + lag)
-            rise = positions[np.minimum(second, len(positions) - 1), 2] - positions[first, 2]
-            squared.append(np.mean((rise / lag) ** 2))
-    return float(np.sqrt(np.max(squared))) if squared else 0.0
+    lag = np.linspace(distance_m / _LAGS, distance_m, _LAGS)[:, None]
+    there = travelled + lag <= travelled[-1]
+    later = np.minimum(np.searchsorted(travelled, travelled + lag), len(positions) - 1)
+    rise = np.where(there, positions[later, 2] - positions[:, 2], 0.0)
+    squared = ((rise / lag) ** 2).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    return float(np.sqrt(squared.max()))

@@ -12,6 +12,7 @@ are relative to "this measurement says nothing": 0 is a measurement that might a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ class Mixture:
         observations = self.observations
         mixture = np.full(distance.shape, self.radio.direct_path_absent, np.float32)
         inverse_flat = 1 / np.maximum(flat_distance, MIN_DISTANCE_M)
-        inverse = 1 / np.maximum(distance, MIN_DISTANCE_M) if not observations.flat.all() else inverse_flat
+        inverse = 1 / np.maximum(distance, MIN_DISTANCE_M) if not observations.all_flat else inverse_flat
         gain = self.peak.astype(np.float32)
         kappa = self.kappa.astype(np.float32)
         u = observations.direction.astype(np.float32)
@@ -97,7 +98,7 @@ class Mixture:
             mixture += gain[:, k] * np.exp(kappa[:, k] * (cosine - 1))
         return np.asarray(np.where(observations.has_bearing, np.log(mixture), 0))
 
-    @property
+    @cached_property
     def peak(self) -> FloatArray:
         """`(M, K)` weight times peak density over uniform density, of each path."""
         density = np.where(self.observations.flat, 1 / i0e(self.kappa), 2 * self.kappa / -np.expm1(-2 * self.kappa))
@@ -105,23 +106,28 @@ class Mixture:
 
     def ranges(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Total, direct and biased parts `(N, M)`, relative to a gross error's density; 1, 0, 0 without a range."""
-        radio, ranged = self.radio, np.isfinite(self.range_variance)
-        variance = np.where(ranged, self.range_variance, 1.0).astype(distance.dtype)
-        wide = variance + np.asarray(radio.range_bias_m**2, distance.dtype)
-        reach = (1 - radio.range_outlier) * radio.range_reach_m / np.sqrt(2 * np.pi)
-        excess = np.nan_to_num(self.observations.range_m).astype(distance.dtype) - distance
-        direct = ((1 - radio.range_biased) * reach * ranged / np.sqrt(variance)).astype(distance.dtype)
-        biased = (radio.range_biased * reach * ranged / np.sqrt(wide)).astype(distance.dtype)
+        range_m, variance, wide, direct, biased, floor = self._of_ranges.astype(distance.dtype)
+        excess = range_m - distance
         in_sight = direct * np.exp(-(excess**2) / (2 * variance))
-        obstructed = biased * np.exp(-((excess - radio.range_bias_m) ** 2) / (2 * wide))
-        floor = np.where(ranged, radio.range_outlier, 1.0).astype(distance.dtype)
+        obstructed = biased * np.exp(-((excess - self.radio.range_bias_m) ** 2) / (2 * wide))
         return floor + in_sight + obstructed, in_sight, obstructed
+
+    @cached_property
+    def _of_ranges(self) -> FloatArray:
+        """`(6, M)` ranges, m, direct and biased ones' variances, m^2, these parts' peaks, and gross errors' density."""
+        radio, ranged = self.radio, np.isfinite(self.range_variance)
+        variance = np.where(ranged, self.range_variance, 1.0)
+        wide = variance + radio.range_bias_m**2
+        reach = (1 - radio.range_outlier) * radio.range_reach_m / np.sqrt(2 * np.pi)
+        direct = (1 - radio.range_biased) * reach * ranged / np.sqrt(variance)
+        biased = radio.range_biased * reach * ranged / np.sqrt(wide)
+        floor = np.where(ranged, radio.range_outlier, 1.0)
+        return np.stack([np.nan_to_num(self.observations.range_m), variance, wide, direct, biased, floor])
 
     def explain(self, v: FloatArray) -> Explanation:
         """Which part of the mixture explains each measurement, for displacements `(N, M, 3)` (see `Links`)."""
         observations = self.observations
-        flat_distance = np.maximum(np.hypot(v[..., 0], v[..., 1]), MIN_DISTANCE_M)
-        distance = np.maximum(np.linalg.norm(v, axis=-1), MIN_DISTANCE_M)
+        flat_distance, distance = distances(v)
         cosine = np.matmul(observations.direction, v[..., None])[..., 0]
         cosine /= np.where(observations.flat, flat_distance[..., None], distance[..., None])
         path = self.peak * np.exp(self.kappa * (cosine - 1))
@@ -131,6 +137,13 @@ class Mixture:
         log_likelihood = np.log(bearing) + np.log(np.maximum(total, 1e-12))
         total = np.maximum(total, 1e-300)
         return Explanation(log_likelihood, path / bearing[..., None], in_sight / total, obstructed / total)
+
+
+def distances(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Horizontal ones and those in space `(N, M)` of displacements `(N, M, 3)`, no shorter than antennas are apart."""
+    squared = v[..., 0] ** 2 + v[..., 1] ** 2
+    flat, in_space = np.sqrt(squared), np.sqrt(squared + v[..., 2] ** 2)
+    return np.maximum(flat, MIN_DISTANCE_M), np.maximum(in_space, MIN_DISTANCE_M)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,6 +108,21 @@ class Observations:
         return float(a), float(b)
 
     @cached_property
+    def azimuth(self) -> FloatArray:
+        """`(M, K)` of the directions, rad."""
+        return np.arctan2(self.direction[..., 1], self.direction[..., 0])
+
+    @cached_property
+    def all_flat(self) -> bool:
+        """Whether no path has an elevation."""
+        return bool(self.flat.all())
+
+    @cached_property
+    def spread_b_m2(self) -> float:
+        """Mean square distance, horizontally, of b's antennas from their centre."""
+        return float((self.b[:, :2] ** 2).sum(axis=1).mean())
+
+    @cached_property
     def typical_distance_m(self) -> float:
         """Median distance of the antennas, at least 1; where nothing was ranged, how far the robots moved."""
         near = self.near_range_m[np.isfinite(self.near_range_m)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
-from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
+from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture, distances
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 
@@ -41,8 +41,7 @@ def residual_rows(w: FloatArray, yaw: FloatArray, mixture: Mixture) -> ResidualR
     observations = mixture.observations
     back = ~observations.a_receives
     explanation = mixture.explain(seen_by_receiver(w, yaw, back))
-    flat_distance = np.maximum(np.hypot(w[..., 0], w[..., 1]), MIN_DISTANCE_M)
-    distance = np.maximum(np.linalg.norm(w, axis=-1), MIN_DISTANCE_M)
+    flat_distance, distance = distances(w)
     azimuth = np.arctan2(w[..., 1], w[..., 0]) + np.where(back, np.pi - yaw, 0.0)
     elevation = np.where(back, -1.0, 1.0) * np.arctan2(w[..., 2], flat_distance)
     residual, weight = measured_residuals(azimuth, elevation, distance, explanation, mixture)
@@ -61,11 +60,10 @@ def measured_residuals(
     """Residuals and weights `(N, M, 3)` of azimuth, elevation and range, from the predictions `(N, M)`."""
     observations = mixture.observations
     residual, weight = np.zeros((*azimuth.shape, 3)), np.zeros((*azimuth.shape, 3))
-    measured = np.arctan2(observations.direction[..., 1], observations.direction[..., 0])
     path_weight = explanation.path * mixture.kappa
     weight[..., 0] = path_weight.sum(axis=-1)
-    residual[..., 0] = _mean(path_weight, se3.wrap_angle(measured - azimuth[..., None]), weight[..., 0])
-    if not observations.flat.all():
+    residual[..., 0] = _mean(path_weight, se3.wrap_angle(observations.azimuth - azimuth[..., None]), weight[..., 0])
+    if not observations.all_flat:
         rising = np.arcsin(np.clip(observations.direction[..., 2], -1, 1))
         path_weight = np.where(observations.flat, 0.0, path_weight)
         weight[..., 1] = path_weight.sum(axis=-1)

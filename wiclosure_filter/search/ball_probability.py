@@ -8,6 +8,8 @@ the blurrier of the two.  In three dimensions the same is done twice.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from wiclosure.types import FloatArray
@@ -58,7 +60,7 @@ def principal_axes(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _outer_nodes(mean: FloatArray, sigma: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Values `R cos(theta)` `(M, NODES)` at the nodes of the outer integral, and their weights times the density."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = _gauss_legendre()
     low = np.arcsin(np.clip((mean - WIDTH * sigma) / radius, -1, 1))
     high = np.arcsin(np.clip((mean + WIDTH * sigma) / radius, -1, 1))
     half = 0.5 * (high - low)[:, None]
@@ -67,6 +69,11 @@ def _outer_nodes(mean: FloatArray, sigma: FloatArray, radius: FloatArray) -> tup
     standardised = (x - mean[:, None]) / sigma[:, None]
     density = np.exp(-0.5 * standardised**2) / (np.sqrt(2 * np.pi) * sigma[:, None])
     return inner_radius, half * weights * inner_radius * density
+
+
+@cache
+def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
+    return np.polynomial.legendre.leggauss(NODES)
 
 
 def _within_disc(mean: FloatArray, sigma: FloatArray, radius: FloatArray) -> FloatArray:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio.radio_units import stamp_ns
+from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of, stamp_unit_of_path
 from wiclosure.formats.stamps import few_digits
 from wiclosure.types import IntArray
 
 logger = logging.getLogger(__name__)
 
+_SAMPLE = 100
 _NAMES = ("times.txt", "timestamps.txt", "timestamp.txt")
 
 
@@ -68,19 +70,30 @@ def read_lines(path: Path) -> list[int | None]:
         ) from error
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text; expected one time in seconds for each scan") from None
-    stamps = [
-        _stamp(path, number, line.strip()) if line.strip() and not line.lstrip().startswith("#") else None
-        for number, line in enumerate(lines, start=1)
-    ]
+    texts = [text if (text := line.strip()) and not text.startswith("#") else None for line in lines]
+    unit = _unit(path, [text for text in texts if text is not None][:_SAMPLE])
+    stamps = [None if text is None else _stamp(path, n, text, unit) for n, text in enumerate(texts, start=1)]
     while stamps and stamps[-1] is None:
         stamps.pop()
     _refuse_lost_digits(path, lines, stamps)
+    _refuse_order(path, lines, stamps)
     return stamps
 
 
-def _stamp(path: Path, number: int, text: str) -> int:
+def _unit(path: Path, texts: Sequence[str]) -> TimeUnit:
+    """`auto`, unless only another unit makes times of a drive of whole numbers."""
+    if not texts or not all(map(str.isdecimal, texts)):
+        return "auto"
+    unit = stamp_unit_of_path(texts)
+    if unit == stamp_unit_of(Decimal(texts[0])):
+        return "auto"
+    logger.warning("%s: its times are read as %s, by their steps", path, unit)
+    return unit
+
+
+def _stamp(path: Path, number: int, text: str, unit: TimeUnit) -> int:
     try:
-        return stamp_ns(text, "auto")
+        return stamp_ns(text, unit)
     except ValueError:
         raise InputError(f"{path}, line {number}: {text!r} is no time; expected seconds or a date with time") from None
 
@@ -96,6 +109,17 @@ def _refuse_lost_digits(path: Path, lines: Sequence[str], stamps: Sequence[int |
             )
         if stamp is not None:
             seen.add(stamp)
+
+
+def _refuse_order(path: Path, lines: Sequence[str], stamps: Sequence[int | None]) -> None:
+    """Single times that repeat or go back cost their scans; where most do, they are no times of these scans."""
+    known = [(stamp, number) for number, stamp in enumerate(stamps, start=1) if stamp is not None]
+    wrong = [number for (before, _), (stamp, number) in pairwise(known) if stamp <= before]
+    if 2 * len(wrong) > len(known):
+        raise InputError(
+            f"{path}, line {wrong[0]}: {lines[wrong[0] - 1].strip()} does not follow the time above it; so it is with"
+            f" {len(wrong)} of {len(known)}; write times in the order of the scans"
+        )
 
 
 def _lost(text: str) -> bool:

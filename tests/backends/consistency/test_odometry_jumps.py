@@ -55,6 +55,16 @@ def test_the_step_that_jumps_is_found_and_all_closures_stay(team_maker, seed, ma
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_jump_far_from_closures_is_where_the_path_becomes_shortest(team_maker, seed):
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    odometry, closures = jumped(team.odometry, 31), closures_of(team, rng, between=12)
+    apart = [c for c in closures if not any(k.robot == "beta" and 24 < k.index < 38 for k in (c.query, c.match))]
+    found = pairwise_consistent(apart, odometry, PcmSettings(noise=NOISE, max_scale=10))
+    assert [(jump.robot, jump.index) for jump in found.jumps] == [("beta", 31)]
+    assert np.mean([c.live for c in found.closures]) > 0.95
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_an_even_motion_has_no_jump_whatever_false_closures_say(team_maker, seed):
     team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
     ends = rng.integers(0, 60, (120, 2))
@@ -79,3 +89,6 @@ def test_closures_with_one_robot_alone_are_no_proof_of_a_jump(team_maker, seed):
     found = pairwise_consistent([*closures, *alike], team.odometry, PcmSettings(noise=NOISE))
     assert found.jumps == ()
     assert not any(c.live for c in found.closures[len(closures) :])
+    assert {jump.robot for jump in found.open_jumps} == {"beta"}
+    assert "the map may be wrong" in found.doubts[-1]
+    assert "false closures or a jump elsewhere would explain as much" in found.doubts[-1]

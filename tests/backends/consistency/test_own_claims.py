@@ -9,7 +9,6 @@ from wiclosure import se3
 from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise
 from wiclosure.backends.consistency.own_claims import OwnClaims
-from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 
@@ -42,8 +41,21 @@ def test_false_ones_contradict_their_neighbours_where_odometry_refutes_nothing(t
     assert not of.refuted(np.inf).any()
 
 
-def test_what_odometry_says_is_as_uncertain_as_its_samples_say(team_maker):
+def test_neighbours_differ_by_what_the_steps_of_odometry_between_their_ends_explain(team_maker):
     of, _, _ = claims_of(team_maker, 7, 5)
-    sampled = mahalanobis_squared(se3.log(of.claims.frames), of.claims.frame_covariance)
-    np.testing.assert_allclose(of.distances, sampled, rtol=0.8)  # of a hundred samples
-    assert 0.85 < np.median(of.distances / sampled) < 1.15
+    one, other = np.divmod(np.arange(65 * 65), 65)
+    one, other = one[one < other], other[one < other]
+    steps, rng, samples = of.robots.odometry, np.random.default_rng(0), 3000
+    errors = np.zeros((len(of.robots.robot), 6, samples))
+    L = se3.adjoint(of.robots.poses[steps.second]) @ np.linalg.cholesky(steps.covariance)
+    errors[steps.second] = L @ rng.normal(size=(len(steps), 6, samples))
+    wander = np.cumsum(errors, axis=0)
+    frames = se3.adjoint(se3.inverse(of.frames)) @ wander[of.first] - wander[of.second]
+    noise, sampled = np.linalg.cholesky(of.noise), []
+    frames += noise @ rng.normal(size=(len(of), 6, samples))
+    for a, b in zip(one, other, strict=True):
+        apart = se3.log(se3.between(of.frames[a], of.frames[b])[None])[0]
+        sampled.append(apart @ np.linalg.solve(np.cov(frames[b] - frames[a]), apart))
+    np.testing.assert_allclose(of.pair_distances(one, other), sampled, rtol=0.2)
+    from_odometry = [e @ np.linalg.solve(np.cov(f), e) for e, f in zip(se3.log(of.frames), frames, strict=True)]
+    np.testing.assert_allclose(of.distances, from_odometry, rtol=0.2)

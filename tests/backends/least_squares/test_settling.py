@@ -5,16 +5,14 @@ import pytest
 from scipy.stats import chi2
 
 from wiclosure import se3
+from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost
 from wiclosure.backends.least_squares.edges import Edges
+from wiclosure.backends.least_squares.graduated import MU_GROWTH, NEWTON_STEPS, graduated
 from wiclosure.backends.least_squares.settling import (
-    MU_GROWTH,
-    NEWTON_STEPS,
     Settled,
     fewest_errors,
-    graduated,
     outlier_limit,
     settle,
-    truncated_cost,
 )
 from wiclosure.backends.least_squares.system import STEPS, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
@@ -113,7 +111,7 @@ def test_the_held_node_does_not_wander_and_the_spread_grows_along_odometry():
 def test_a_scale_of_sigma_divides_distances_by_its_square():
     components = VarianceComponents(np.array([4.0, 8.0]), np.array([1.0, 2.0]))
     distances = np.array([8.0]), np.array([4.0, 12.0])
-    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), *distances, components)
+    one = Settled(np.eye(4)[None], np.ones((1, 6, 3)), np.ones(1, bool), *distances, components=components)
     two = one.scaled(2.0)
     assert (two.distance.tolist(), two.redundant.tolist()) == ([2.0], [1.0, 3.0])
     assert (two.components.squared.tolist(), two.components.redundancy.tolist()) == ([1.0, 2.0], [1.0, 2.0])
@@ -203,6 +201,25 @@ def test_what_the_others_predict_is_an_inlier_even_where_rounds_end_early():
     for rounds in (3, 12):
         found = settle(steps, loops, inlier, everyone, poses, np.array([0]), 40.0, rounds)
         assert found.inlier.tolist() == [True] + [False] * 5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_strain_of_a_step_is_by_how_much_leaving_it_out_lowers_the_cost(seed):
+    odometry, loops, poses, _ = path(seed)
+    bent = odometry.T.copy()
+    bent[14] = bent[14] @ se3.from_yaw(0.05, np.array([0.3, -0.2, 0.0]))
+    odometry = Edges(odometry.first, odometry.second, bent, odometry.covariance)
+    found = settle(odometry, loops, np.ones(12, bool), np.ones(12, bool), poses, HELD, np.inf)
+
+    def least_cost(rows):
+        edges = odometry.subset(rows) + loops
+        system = System.of(edges, found.poses, HELD)
+        return system.cost(system.solved(found.poses))
+
+    every = np.ones(NODES - 1, bool)
+    drops = [least_cost(every) - least_cost(every & (np.arange(NODES - 1) != k)) for k in (10, 14, 18)]
+    assert found.strain.shape == (NODES - 1,)
+    assert found.strain[[10, 14, 18]] == pytest.approx(drops, rel=0.5)  # the covariance is sampled
 
 
 def flattened(edges):

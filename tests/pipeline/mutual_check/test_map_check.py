@@ -170,6 +170,17 @@ def test_odometry_far_from_the_closures_excuses_what_drift_explains() -> None:
     assert abs(weak.log_evidences([log], [False])[0]) < 1.0  # says next to nothing
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_standard_deviations_too_small_show_beside_drift_that_exceeds_them(seed: int) -> None:
+    settings = RadioSettings(every_m=2.0, direction="reciprocal", paths=2)
+    honest = simulate_wireless_from_poses(MERGED, settings, seed=seed)
+    far = MergedPair(("a", "b"), MERGED, {"a": NEAR[:1, 0], "b": NEAR[:1, 1]}, ALIGNMENT)
+    told = held_against(far, FAULTS["10 times too small"](honest), SETTINGS)
+    assert isinstance(told, Contradiction)
+    assert "times too small" in told.causes[0].fault
+    assert not isinstance(held_against(far, honest, SETTINGS), Contradiction)
+
+
 def test_robots_that_nothing_holds_in_the_map_are_not_judged() -> None:
     assert held_against_map(MERGED, [], longer(3.28, 0.0)(heard(1)), ALIGNMENT, SETTINGS) == AgainstMap()
 

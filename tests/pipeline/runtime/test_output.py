@@ -4,8 +4,11 @@ import errno
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from wiclosure.backends.merged.map_writers import write_ply
+from wiclosure.backends.merged.merged_map import MergedMap
 from wiclosure.errors import OutputError
 from wiclosure.pipeline.runtime.output import (
     MARK,
@@ -90,6 +93,23 @@ def test_really_full_device(tmp_path: Path) -> None:
         (scratch / "map.ply").symlink_to("/dev/full")
         (scratch / "map.ply").write_bytes(b"0" * 100_000)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_written_is_named_by_its_own_place(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OutputError, match=f"^cannot write {tmp_path}/run/map.ply: No space left on device"),
+        whole_folder(tmp_path / "run") as scratch,
+    ):
+        (scratch / "map.ply").symlink_to("/dev/full")
+        write_ply(MergedMap(np.zeros((9_999, 3), np.float32), np.zeros((9_999, 3), np.uint8)), scratch / "map.ply")
+    with pytest.raises(OutputError, match=f"^{tmp_path}/a.txt is bad"), whole_file(tmp_path / "a.txt") as scratch:
+        raise OutputError(f"{scratch} is bad")
+
+
+def test_a_link_to_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("nowhere")
+    with pytest.raises(OutputError, match="link is a link to nowhere, which does not exist"):
+        require_free(tmp_path / "link", overwrite=True)
 
 
 def test_parent_that_is_a_file(tmp_path: Path) -> None:

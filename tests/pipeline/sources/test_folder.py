@@ -142,7 +142,7 @@ def test_times_that_lost_their_digits_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "says"), [("0\n100000\n200000\n", "every 100000 s"), ("7\n7\n8\n", "1 stamps repeat")]
+    ("times", "says"), [("0.5\n100000.5\n200000.5\n", "every 100000 s"), ("7\n7\n8\n", "1 stamps repeat")]
 )
 def test_stamps_that_no_lidar_has_are_said(
     tmp_path: Path, times: str, says: str, caplog: pytest.LogCaptureFixture

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+import statistics
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 from wiclosure.formats.epochs import DOTNET, FILETIME, Epoch
@@ -32,6 +34,9 @@ NANOSECONDS: Mapping[TimeUnit, int] = {
 }  # fmt: skip
 _TICKS: Mapping[TimeUnit, Epoch] = {"filetime": FILETIME, "dotnet": DOTNET}
 _TICK_NS = 100
+_SI_UNITS: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
+_LONGEST_STEP_S = 10.0  # between poses or scans in whole seconds, typically
+_DAY_S = 86_400.0
 _UNITS_IN_CELLS: Mapping[str, TimeUnit] = {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
 _WITH_UNIT = re.compile(rf"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*({'|'.join(_UNITS_IN_CELLS)})")
 _FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
@@ -71,6 +76,23 @@ def stamp_unit_of(value: Decimal) -> TimeUnit:
     if size >= 10**14:
         return "us"
     return "ms" if size >= 10**11 else "s"
+
+
+def stamp_unit_of_path(stamps: Sequence[str]) -> TimeUnit:
+    """The unit of the times of poses or scans in their order: by the size of the first, as `stamp_unit_of`.
+
+    Whole numbers are of a finer unit where only then they follow each other as those of a path do: a thousand seconds
+    since a start-up, in nanoseconds, look like a date of 2001 in milliseconds.
+    """
+    first = Decimal(stamps[0])
+    by_size = stamp_unit_of(first)
+    if by_size not in _SI_UNITS or len(stamps) < 2 or not all(stamp.isdecimal() for stamp in stamps):
+        return by_size
+    step = statistics.median(int(after) - int(before) for before, after in pairwise(stamps))
+    seconds = {unit: step * NANOSECONDS[unit] / 10**9 for unit in _SI_UNITS[_SI_UNITS.index(by_size) :]}
+    if date_unit_of(first) is not None and seconds[by_size] <= _DAY_S:
+        return by_size
+    return next((unit for unit, step_s in seconds.items() if step_s < _LONGEST_STEP_S), by_size)
 
 
 def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:

@@ -10,7 +10,6 @@ import logging
 import re
 import warnings
 from collections.abc import Sequence
-from decimal import Decimal
 from io import StringIO
 from pathlib import Path
 from typing import NoReturn
@@ -23,7 +22,7 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.radio.radio_units import NANOSECONDS, TimeUnit, date_unit_of, stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of_path
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.formats.text_table import encoding_of, is_number
 from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
@@ -36,9 +35,6 @@ _ROW = np.dtype([("stamp", "S48"), ("pose", np.float64, (7,))])
 _NO_QUATERNION = 0.5  # of length
 _EMPTY_CELL = re.compile(r"(^|,)(?=,)", re.MULTILINE)
 _SAMPLE = 100
-_UNITS: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
-_LONGEST_STEP_S = 10.0  # between poses of one path in whole seconds, typically
-_DAY_S = 86_400.0
 _UNIT_TOLERANCE = 0.01  # quaternions printed with three decimals stay within this of length one
 
 
@@ -159,7 +155,7 @@ def _stamps_ns(path: Path, stamps: NDArray[np.bytes_], *, named: bool) -> IntArr
     if not len(stamps):
         return np.zeros(0, np.int64)
     first = stamps[0].decode()
-    unit = _unit(stamps) if is_number(first) else "auto"
+    unit = stamp_unit_of_path([stamp.decode() for stamp in stamps[:_SAMPLE].tolist()]) if is_number(first) else "auto"
     if unit == "s":
         return nanoseconds_of_column(stamps)
     if unit == "ns" and not named:
@@ -170,22 +166,6 @@ def _stamps_ns(path: Path, stamps: NDArray[np.bytes_], *, named: bool) -> IntArr
     read_as = "dates" if unit == "auto" else unit
     logger.warning("%s: its stamps are read as %s; those of TUM files are seconds", path, read_as)
     return np.array([stamp_ns(stamp.decode(), unit) for stamp in stamps], np.int64)
-
-
-def _unit(stamps: NDArray[np.bytes_]) -> TimeUnit:
-    """By the size of the first, or a finer one where only then poses follow each other as those of a path do.
-
-    A thousand seconds since a start-up, in nanoseconds, look like a date of 2001 in milliseconds.
-    """
-    first = Decimal(stamps[0].decode())
-    by_size = stamp_unit_of(first)
-    if by_size not in _UNITS or len(stamps) < 2 or not all(stamp.isdigit() for stamp in stamps[:_SAMPLE].tolist()):
-        return by_size
-    step = float(np.median(np.diff(stamps[:_SAMPLE].astype(np.float64))))
-    seconds = {unit: step * NANOSECONDS[unit] / NANOSECONDS["s"] for unit in _UNITS[_UNITS.index(by_size) :]}
-    if date_unit_of(first) is not None and seconds[by_size] <= _DAY_S:
-        return by_size
-    return next((unit for unit, step_s in seconds.items() if step_s < _LONGEST_STEP_S), by_size)
 
 
 def _first_of_each(path: Path, texts: NDArray[np.bytes_], stamps_ns: IntArray) -> NDArray[np.bool_]:

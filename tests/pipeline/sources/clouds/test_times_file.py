@@ -56,3 +56,25 @@ def test_a_file_beside_the_folder_may_be_of_something_else_but_not_one_in_it(
     (folder / "times.txt").write_text("calibration\n")
     with pytest.raises(InputError, match="is no time"):
         times_beside(folder, 1)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(200_000_000, "ns"), (100_000, "us"), (100, "ms")])
+def test_times_since_a_start_up_in_other_units_are_told_by_their_steps(
+    tmp_path: Path, step: int, unit: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "times.txt").write_text("".join(f"{n * step}\n" for n in range(5)))
+    period_ns = step * {"ns": 1, "us": 10**3, "ms": 10**6}[unit]
+    assert read_times(tmp_path / "times.txt").tolist() == [n * period_ns for n in range(5)]
+    assert f"read as {unit}" in caplog.text
+
+
+@pytest.mark.parametrize("times", ["3\n2\n1\n0\n", "0.0\n0.0\n0.0\n"])
+def test_times_that_mostly_repeat_or_go_back_are_refused(tmp_path: Path, times: str) -> None:
+    (tmp_path / "times.txt").write_text(times)
+    with pytest.raises(InputError, match=r"times\.txt, line 2: .* does not follow the time above it"):
+        read_times(tmp_path / "times.txt")
+
+
+def test_two_clouds_of_each_time_are_read(tmp_path: Path) -> None:
+    (tmp_path / "times.txt").write_text("0.0\n0.0\n0.1\n0.1\n")
+    assert len(read_times(tmp_path / "times.txt")) == 4
