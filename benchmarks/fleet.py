@@ -5,10 +5,10 @@
 
 `filter`: robots with 500 keyframes each in a plan of a city that grows with them, four links for each robot, 20
 measurements a link (`fleet_world.py`); each size in a fresh process, and added to the table `--csv`, from which
-`docs/scaling_picture.py` draws.  The other rows run a simulated scenario, each run with an empty cache: `overhead` of
-`--cluster local:2` against `-j 2`; `efficiency` of two one-core workers against one; `killed`: a worker killed at
-random moments of a run; `memory` of this process while odometry is done by workers, for so many scans and for half of
-them.
+`docs/scaling_picture.py` draws. Processor time and memory are those of all processes together. The other rows run a
+simulated scenario, each run with an empty cache: `overhead` of `--cluster local:2` against `-j 2`; `efficiency` of
+two one-core workers against one; `killed`: a worker killed at random moments of a run; `memory` of this process while
+odometry is done by workers, for so many scans and for half of them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import argparse
 import csv
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -25,10 +24,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+import psutil
 from fleet_world import fleet
 
 from wiclosure import se3
@@ -66,10 +66,11 @@ def filter_of_a_fleet(robots: int, jobs: int, seed: int, table: Path | None) -> 
     settings = FilterSettings(on_ambiguous="reject")
     chosen = WiClosureFilter(settings, local_workers(jobs))
     began, spent = time.perf_counter(), processor_s()
-    result = chosen.candidates(team.odometry, team.wireless)
-    seconds, spent = time.perf_counter() - began, processor_s() - spent
+    with memory_watched() as together_mb:
+        result = chosen.candidates(team.odometry, team.wireless)
+        seconds, spent = time.perf_counter() - began, processor_s() - spent
     meeting = sum(len(pairs) > 0 for pairs in result.pairs if pairs.predicts is not None)
-    peak_mb = peak_rss_mb()
+    peak_mb = max(together_mb) if jobs > 1 else peak_rss_mb() or max(together_mb)
     print(
         f"{robots:5d} robots, {len(links):5d} links, {sum(not a.ambiguous for a in result.alignments):5d} certain,"
         f" {meeting:5d} pairs of robots meet: {seconds:7.1f} s ({spent:7.1f} s of processor time,"
@@ -90,9 +91,42 @@ def filter_of_a_fleet(robots: int, jobs: int, seed: int, table: Path | None) -> 
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, row] if new else [row])
 
 
+def processes() -> list[psutil.Process]:
+    """This one and its workers."""
+    own = psutil.Process()
+    return [own, *own.children(recursive=True)]
+
+
 def processor_s() -> float:
-    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+    """Of this process, of those that it began and that have ended, and of workers that live."""
+    spent = 0.0
+    for process in processes():
+        with suppress(psutil.NoSuchProcess):
+            times = process.cpu_times()
+            spent += times.user + times.system + times.children_user + times.children_system
+    return spent
+
+
+@contextmanager
+def memory_watched(every_s: float = 0.1) -> Iterator[list[float]]:
+    """Memory of this process and its workers together, MB, each moment; pages that they share count for each."""
+    seen, over = [0.0], threading.Event()
+
+    def watch() -> None:
+        while not over.wait(every_s):
+            now = 0
+            for process in processes():
+                with suppress(psutil.NoSuchProcess):
+                    now += process.memory_info().rss
+            seen.append(now / 1e6)
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    try:
+        yield seen
+    finally:
+        over.set()
+        watching.join()
 
 
 def recall(result: FilterResult, truth: Mapping[str, Trajectory], true_m: float = 35.0) -> float:

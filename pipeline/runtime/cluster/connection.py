@@ -63,7 +63,11 @@ def cluster(address: str, tls: TlsFiles | None = None) -> Iterator[Cluster]:
         import distributed
     except ImportError:
         raise ConfigError("--cluster needs dask.distributed: pip install 'wiclosure[cluster]'") from None
+    from distributed.utils import silence_logging_cmgr
+
     with ExitStack() as open_until_then:
+        # What goes wrong is told here, in one line: dask's own account of it would be pages of traceback.
+        open_until_then.enter_context(silence_logging_cmgr(logging.CRITICAL))
         if address.startswith(LOCAL):
             client = open_until_then.enter_context(_local(address))
         else:
