@@ -17,6 +17,7 @@ MEASUREMENTS = 2_000
 MEASUREMENTS_OF_ALL = 30_000
 PATHS = 8
 MOST_LOG_ODDS = 50.0
+_NEAR_NS = 10**9  # beyond its ends a path still tells where the robot was
 
 Heard: TypeAlias = list[tuple[int, WirelessMeasurement]]
 """Measurements of two robots with their rows in the log."""
@@ -103,7 +104,9 @@ def _over_time(alignment: FrameAlignment, heard: Heard, tracks: Tracks, began_ns
     seen = np.einsum("nji,nj->ni", here[:, :3, :3], there[:, :3, 3] - here[:, :3, 3])
     azimuth, kept = _paths(alignment, heard)
     ends = np.concatenate([here[:, :3, 3], there[:, :3, 3]], axis=1)
-    if tracks.offset is not None:
+    known = np.isfinite(ends).all(axis=1)
+    if tracks.offset is not None and known.any():
+        ends[~known] = np.tile(ends[known][0, :3], 2)  # without length, so that they are not seen
         ends += np.tile(tracks.offset, 2)
     return {
         "times": packed_steps((stamps_ns - began_ns) * 1e-9, 1e-3),
@@ -114,14 +117,17 @@ def _over_time(alignment: FrameAlignment, heard: Heard, tracks: Tracks, began_ns
         "paths": azimuth.shape[1],
         "azimuth": packed_steps((np.degrees(azimuth) + 180.0) % 360.0 - 180.0, 0.01),
         "azimuth_kept": packed_bytes(kept),
-        "ends": packed_steps(ends, 0.01) if tracks.offset is not None and np.isfinite(ends).all() else None,
+        "ends": packed_steps(ends, 0.01) if tracks.offset is not None and known.any() else None,
     }
 
 
 def antennas(
     alignment: FrameAlignment, heard: Sequence[WirelessMeasurement], a_receives: BoolArray, tracks: Tracks
 ) -> tuple[FloatArray, FloatArray]:
-    """Poses `(N, 4, 4)` of the receiving and the sending antenna, in the axes of the bodies, NaN where unknown."""
+    """Poses `(N, 4, 4)` of the receiving and the sending antenna, in the axes of the bodies.
+
+    NaN where they are unknown, as before and after the robot's own path.
+    """
     track = {alignment.robot_a: tracks.a, alignment.robot_b: tracks.b}
     received_ns = np.array([m.stamp_ns for m in heard], np.int64)
     sent_ns = np.array([m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns for m in heard])
@@ -132,7 +138,8 @@ def antennas(
         for robot, rows in ((alignment.robot_a, a_here), (alignment.robot_b, ~a_here)):
             path = track[robot]
             if path is not None and rows.any():
-                poses[rows] = path.at(stamps_ns[rows].astype(np.int64))
+                known = np.flatnonzero(rows)[path.covers(stamps_ns[rows].astype(np.int64), _NEAR_NS)]
+                poses[known] = path.at(stamps_ns[known].astype(np.int64))
         poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], arm.reshape(-1, 3))
         found.append(poses)
     return found[0], found[1]

@@ -144,8 +144,9 @@ def _show_links(
     path = rr.escape_entity_path_part(name)
     if tracks.offset is not None:
         ends = np.stack([here, there], axis=1) + tracks.offset - first
+        known = np.isfinite(ends).all(axis=(1, 2))
         recording.log(f"{SPACE}/links/{path}", rr.LineStrips3D.from_fields(colors=(0, 158, 115)), static=True)
-        columns.lines(recording, f"{SPACE}/links/{path}", stamps_ns, ends)
+        columns.lines(recording, f"{SPACE}/links/{path}", stamps_ns[known], ends[known])
     measured = np.array([np.nan if m.range_m is None else m.range_m for m in heard])
     columns.scalars(recording, f"radio/{path}/range/measured", stamps_ns, measured)
     columns.scalars(recording, f"radio/{path}/range/estimate", stamps_ns, np.linalg.norm(there - here, axis=1))

@@ -47,6 +47,15 @@ def test_ranges_and_directions_of_the_estimate_from_antenna_to_antenna() -> None
     assert found["measured"] == 2
 
 
+def test_nothing_is_estimated_before_and_after_the_paths() -> None:
+    log = WirelessLog(measurements=(measurement(2), measurement(30), measurement(30, receiver="b")))
+    tracks = Tracks(standing("a", 0.0), standing("b", 5.0), np.zeros(3))
+    found = radio_pair(alignment(), log, tracks, began_ns=0)
+    np.testing.assert_allclose(unpacked_array(found["estimate"]), [5.0, np.nan, np.nan], atol=1e-3)
+    np.testing.assert_allclose(unpacked_array(found["ends"]), [[0, 0, 0, 5, 0, 0], [0] * 6, [0] * 6], atol=0.01)
+    assert found["measured"] == 3
+
+
 def test_the_kept_path_comes_first_and_azimuths_are_within_half_a_turn() -> None:
     paths = (AoaPath(0.1, 0.1, 0.9), AoaPath(1.5 * np.pi, 0.1, 0.1))
     log = WirelessLog(measurements=(measurement(2, paths=paths), measurement(3, paths=paths, aoa_frame="world")))
