@@ -39,7 +39,7 @@ class ClosureComparison:
     def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
         """Compares the closures, exactly up to a squared distance of `beyond`."""
         anchors = _anchors(claims, beyond)
-        return cls(claims, beyond, anchors, claims.distances(anchors, beyond, anchors), claims.chance_distances(beyond))
+        return cls(claims, beyond, anchors, claims.distances(anchors, beyond, anchors), claims.chance_distances())
 
     def distances(self, members: IntArray) -> FloatArray:
         """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""

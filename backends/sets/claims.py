@@ -25,7 +25,6 @@ NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimate
 DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
 DIMENSION_SHARE = 0.02  # of them
 ROUNDING = 1e-9  # of what is zero
-LEAST_SHARE = 0.99  # of a bound from below, for rounding
 NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 
 
@@ -85,13 +84,11 @@ class Claims:
     @cached_property
     def wander(self) -> FloatArray:
         """Samples `(N, 6, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
+        samples = self.wander_a.shape[2]
         both = se3.adjoint(se3.inverse(self.frames)) @ self.wander_a - self.wander_b
-        return np.asarray(both / np.sqrt(self._freedom))
-
-    @property
-    def _freedom(self) -> int:
-        """Of a covariance by the samples: less than there are, as the inverse of a sampled one is larger."""
-        return max(int(self.wander_a.shape[2]) - DEGREES - 1, 1)
+        return np.asarray(
+            both / np.sqrt(max(samples - DEGREES - 1, 1))
+        )  # the inverse of a sampled covariance is larger
 
     @cached_property
     def frame_covariance(self) -> FloatArray:
@@ -177,14 +174,11 @@ class Claims:
             & (angles**2 <= limit * (turn[rows, None] + turn[others]))
         )
 
-    def chance_distances(self, beyond: float = np.inf) -> FloatArray:
+    def chance_distances(self) -> FloatArray:
         """Sorted squared distances `(M,)` between closures recombined of those given: what unrelated ones would have.
 
         Ends and measurements are drawn anew and independently, so that places, lengths and directions are those of the
         closures themselves, however few or structured, and no agreement among true ones is left.
-
-        Args:
-            beyond: distances up to it are exact, and the `telling` nearest; others may be infinite, at little cost.
         """
         n = len(self)
         rng = np.random.default_rng(n)  # the same for the same closures
@@ -192,37 +186,10 @@ class Claims:
         first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]
-        one, other = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
-        told = telling(len(chosen), n)
-        if not len(chosen) or 2 * told >= len(chosen) or np.isinf(beyond):
-            return np.sort(self._recombined_distances(one, other))
-        least, found = self._least_distances(one, other), np.full(len(chosen), np.inf)
-        near = np.argsort(least, kind="stable")[: 2 * told]
-        found[near] = self._recombined_distances(one[near], other[near])
-        left = np.flatnonzero(np.isinf(found) & (least <= max(beyond, np.sort(found)[told - 1])))
-        found[left] = self._recombined_distances(one[left], other[left])
-        return np.sort(found)
-
-    def _recombined_distances(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Of pairs `(P,)` of recombined closures; of N, `N first + second` has the second end of `second`."""
-        made, place = np.unique(np.concatenate([one, other]), return_inverse=True)  # of few closures, each many times
-        unrelated = self.recombined(made // len(self), made % len(self))
-        return unrelated.pair_distances(place[: len(one)], place[len(one) :])
-
-    def _least_distances(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Bounds from below on these.
-
-        Errors of four ends are together at most four times as large, as squares, as were they independent.
-        """
-        of_ends = [4.0 * w @ np.swapaxes(w, 1, 2) / self._freedom for w in (self.wander_a, self.wander_b)]
-        frames, covariance = [], np.zeros((len(one), DEGREES, DEGREES))
-        for made in (one, other):
-            rows, others = made // len(self), made % len(self)
-            of = self.T_A_a[rows] @ self.T_a_b[rows] @ se3.inverse(self.T_B_b[others])
-            covariance += se3.rotate_covariance(se3.adjoint(self.T_B_b[others]), self.covariance[rows])
-            covariance += se3.rotate_covariance(se3.adjoint(se3.inverse(of)), of_ends[0][rows]) + of_ends[1][others]
-            frames.append(of)
-        return LEAST_SHARE * mahalanobis_squared(se3.log(se3.between(*frames)), covariance)
+        ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
+        made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
+        unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
+        return np.sort(unrelated.pair_distances(one, other))
 
     def _arrays(self) -> tuple[FloatArray, ...]:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
@@ -242,25 +209,15 @@ def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees:
     """
     if not len(distances):
         return 1.0
-    independent = _independent(len(distances), closures)
+    independent = min(len(distances), max(1, closures * (closures - 1) // 2))
     nearest = max(1, round(NEAREST * len(distances) / independent)) if independent < len(distances) else NEAREST
     rank = int(np.searchsorted(distances, limit, side="right"))
     nearest = min(nearest, len(distances))
     if rank >= nearest:
         return min(1.0, rank / len(distances))
-    near = distances[: telling(len(distances), closures)]
+    near = distances[: round(max(DIMENSION_FROM / independent, DIMENSION_SHARE) * len(distances))]
     exponent = degrees / 2 if independent < 2 * DIMENSION_FROM else min(degrees / 2, _growth(near))
     return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** exponent))
-
-
-def telling(pairs: int, closures: int) -> int:
-    """How many of the nearest of so many recombined pairs tell the chance, where the limit is nearer than most."""
-    return round(max(DIMENSION_FROM / max(_independent(pairs, closures), 1), DIMENSION_SHARE) * pairs)
-
-
-def _independent(pairs: int, closures: int) -> int:
-    """Of the recombined pairs."""
-    return min(pairs, max(1, closures * (closures - 1) // 2))
 
 
 def _growth(distances: FloatArray) -> float:
