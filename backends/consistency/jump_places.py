@@ -93,8 +93,10 @@ def _set_holds(robots: Robots, merged: MergedGroups, node: int, settings: MergeS
         apart[alone] = robots.count
         touching = (robots.robot[robots.loop_ends] == alone).any(axis=0)
         rejected = touching & ~merged.inlier
-        of_pairs = (pair[rejected[pair]] for pair in pairs_of_groups(robots, apart))
-        for rows in filter(len, of_pairs):
-            if any(c.holds for c in sets_between(robots, rows, apart, merged.settled, settings)):
+        for pair in pairs_of_groups(robots, apart):
+            rows = pair[rejected[pair]]
+            if len(rows) >= max(settings.min_size, 1) and any(
+                c.holds for c in sets_between(robots, rows, apart, merged.settled, settings)
+            ):
                 return True
     return False
