@@ -159,6 +159,31 @@ def test_closures_win_over_a_radio_with_an_error_which_is_named(
     assert "the radio is the likely fault" in found.sentence
 
 
+TWO_FAULTS = [("from the left", "clock"), ("clockwise", "3 m too long"), ("feet", "reversed")]
+
+
+@pytest.mark.parametrize(("one", "other"), TWO_FAULTS)
+@pytest.mark.parametrize("predicted", [False, True], ids=["everything", "predicted"])
+def test_closures_win_over_a_radio_with_two_errors_at_once(
+    team: Team, unpredicted: PairOutcome, one: str, other: str, predicted: bool
+) -> None:
+    log, true = FAULTS[other][0](FAULTS[one][0](team.log)), tuple(team.closures(12))
+    outcome = team.outcome(log) if predicted else replace(unpredicted, checked=true)
+    found = check_pair(outcome, team.odometry, log, Config(), lambda pair, also: list(true))
+    assert found.weighed is None or found.drops_radio
+    assert not found.lost or found.drops_radio
+
+
+@pytest.mark.parametrize(("one", "other"), TWO_FAULTS)
+def test_closures_of_places_that_look_alike_do_not_win_whatever_two_errors_the_log_has(
+    team: Team, unpredicted: PairOutcome, one: str, other: str
+) -> None:
+    log, false = FAULTS[other][0](FAULTS[one][0](team.log)), tuple(team.closures(25, SHIFT))
+    found = check_pair(replace(unpredicted, checked=false), team.odometry, log, Config(), lambda pair, also: [])
+    assert found.weighed is not None
+    assert found.weighed.verdict not in {Verdict.CLOSURES, Verdict.COMPATIBLE}
+
+
 @pytest.mark.parametrize("fault", ["clockwise", "odometry axes"])
 def test_closures_of_places_that_look_alike_do_not_win_over_ranges(
     team: Team, unpredicted: PairOutcome, fault: str
