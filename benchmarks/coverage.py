@@ -1,6 +1,6 @@
 """Do stated covariances hold the truth?  Range-only, collinear and short meetings, with constant errors of usual size.
 
-    python benchmarks/coverage.py [--trials 100] [--seed 1]
+    python benchmarks/coverage.py [--trials 100] [--seed 1] [--meetings site]
 
 Worlds and radio are those of `systematic_worlds.py`; biases, scales and clocks are drawn from the priors of the
 calibration, odometry drifts as its model says.  A row tells, for alignments that are called certain, how often the
@@ -142,9 +142,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--meetings", default="", help="only those whose name holds this")
     arguments = parser.parse_args()
     print(f"{'meeting':22} {'certain':>8} {'alignment':>10} {'prediction':>11}  of {arguments.trials}")
     for number, meeting in enumerate(MEETINGS):
+        if arguments.meetings not in meeting.name:
+            continue
         covered = Coverage()
         for trial in range(arguments.trials):
             case = make(meeting, np.random.default_rng([arguments.seed, number, trial]))

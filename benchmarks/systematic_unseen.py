@@ -169,6 +169,7 @@ UNSEEN = (
     Fault("mirror and clockwise", 3, Hearing(mirror=6.0), each_path(lambda a: -a)),
     Fault("nlos and scale 3 %", 3, Hearing(bias_m=2.0), scaled(1.03)),
     Fault("slip in a team", 3, spoil=jump(5.0, 0.0), robots=3),
+    Fault("mirror-hidden team", 15, Hearing(mirror=6.0, mirror_only=0.85), robots=3),
     Fault("any two", 3, spoil=any_two),
     Fault("any two, reciprocal", 3, Hearing(reciprocal=True), any_two),
 )
