@@ -70,7 +70,7 @@ def check_pair(
         return nothing
     agrees = found.gap is None and agrees_with_radio(evidence.claimed)
     predicted, refuted = _for_and_against(outcome, config.registration)
-    weighed = evidence.weighed(evidence.errors(search=not agrees), config.mutual_check, predicted, refuted)
+    weighed = evidence.weighed_twice(evidence.errors(search=not agrees), config.mutual_check, predicted, refuted)
     if agrees and weighed.verdict is not Verdict.CLOSURES:
         return nothing
     inliers = outcome.live if weighed.verdict is Verdict.RADIO else ()

@@ -4,7 +4,7 @@ Three kinds of stories are weighed, each with all that it has to explain:
 
 - *the radio is right*, and the closures that contradict it come from places that look alike;
 - *the closures are right*, and the log as it claims to be is compatible with them after all, or has one of the known
-  systematic errors, or an unknown one, which leaves noise or happens to fit another alignment;
+  systematic errors, or two of them, or an unknown one, which leaves noise or happens to fit another alignment;
 - *neither*: the log has a known error, and with that undone tells an alignment that contradicts the closures, too.
 
 An alignment that the closures imply costs the log nothing; one that the log chooses for itself is one of many as exact
@@ -91,6 +91,7 @@ def weigh(
     predicted: Agreement,
     refuted_places: float,
     settings: MutualCheckSettings,
+    two_errors: Sequence[Explained] = (),
 ) -> Weighed:
     """Weighs the stories.
 
@@ -102,6 +103,7 @@ def weigh(
         refuted_places: separate places where the radio predicts two keyframes close together, of which registration
             found none to be.
         settings: probabilities of errors, and when odds are decisive.
+        two_errors: the log with two of those errors undone, where the closures have the robots.
     """
     known, unknown = settings.systematic_error, settings.unknown_error
     as_claimed, each = np.log(1.0 - known - unknown), np.log(known / max(len(errors), 1))
@@ -115,6 +117,7 @@ def weigh(
     right = {
         cause: value + other_look_alike for cause, value in if_closures_are_right(claimed, errors, settings).items()
     }
+    right |= {e.fault: 2 * float(each) + e.implied + other_look_alike for e in two_errors}
     neither = {
         e.fault: each + e.log_evidence + closures.log_look_alike + other_look_alike for e in errors if e.contradicts
     }

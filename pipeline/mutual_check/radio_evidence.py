@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyChe
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.consensus import consensus
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
-from wiclosure.wiclosure_filter.faults.corrections import RadioInputs
+from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links
 
@@ -24,6 +24,7 @@ _COMPATIBLE = float(np.log(100.0))  # an alignment that the log itself thinks no
 _MOST = 100  # measurements: more would not decide otherwise, and each reading takes as much longer
 _PROPOSALS = 1500  # a log that tells an alignment needs no longer search
 _PEAKS = 4  # of the likelihood that an alignment of closures is held against
+_FIRST = 3  # errors, those that leave least unexplained, beside which a second one is tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +36,16 @@ class Explained:
         implied: under the alignment that closures imply, over all sizes as they were likely beforehand.
         free: under the likeliest alignment of all; minus infinity where none was searched for.
         chosen: logarithm of how many alignments as exact there were to choose that one from.
+        undone: what undoes the error at that size; None for the log as it claims to be.
+        log_share: how likely that size was beforehand, as a natural logarithm.
     """
 
     fault: str
     implied: float
     free: float = -np.inf
     chosen: float = 0.0
+    undone: Correction | None = field(default=None, repr=False)
+    log_share: float = 0.0
 
     @property
     def contradicts(self) -> bool:
@@ -96,6 +101,21 @@ class PairRadio:
         tried = readings(*self.pair, self.log, apart=self._apart(closures))
         return [self._explained(reading, closures, search=search) for reading in tried]
 
+    def second_errors(self, closures: Sequence[Closure], errors: Sequence[Explained]) -> list[Explained]:
+        """The log with two errors undone where closures have the robots: one of the likeliest of `errors`, and any."""
+        first = sorted(errors, key=lambda one: one.implied, reverse=True)[:_FIRST]
+        return [two for one in first if one.undone is not None for two in self._besides(one, one.undone, closures)]
+
+    def _besides(self, one: Explained, undone: Correction, closures: Sequence[Closure]) -> list[Explained]:
+        trajectories, log = undone.apply((self.trajectories, self.log))
+        left = replace(self, trajectories=trajectories, log=log)
+        if left.measurements == 0:
+            return []
+        return [
+            replace(other, fault=f"{one.fault}; and {other.fault}", implied=one.log_share + other.implied, undone=None)
+            for other in left.errors(closures, search=False)
+        ]
+
     def _apart(self, closures: Sequence[Closure]) -> Apart:
         middle = central(closures, self.trajectories)
         T_query_match = measured_poses([middle])[0][0]
@@ -113,6 +133,8 @@ class PairRadio:
             float(logsumexp(implied + shares)),
             float(free[best]),
             float(chosen[best] - shares[best]),
+            reading.corrections[best],
+            float(shares[best]),
         )
 
     def _evidence(

@@ -14,6 +14,7 @@ from wiclosure.pipeline.mutual_check.odds import (
     FAILS_IF_RIGHT,
     MOST_PLACES,
     Agreement,
+    Verdict,
     Weighed,
     if_closures_are_right,
     weigh,
@@ -63,9 +64,27 @@ class SetEvidence:
         settings: MutualCheckSettings,
         predicted: Agreement = _NOTHING,
         refuted_places: float = 0.0,
+        two_errors: Sequence[Explained] = (),
     ) -> Weighed:
         """The set against the radio; see `odds.weigh`."""
-        return weigh(self.claimed, errors, self.closures, predicted, refuted_places, settings)
+        return weigh(self.claimed, errors, self.closures, predicted, refuted_places, settings, two_errors)
+
+    def weighed_twice(
+        self,
+        errors: Sequence[Explained],
+        settings: MutualCheckSettings,
+        predicted: Agreement = _NOTHING,
+        refuted_places: float = 0.0,
+    ) -> Weighed:
+        """The same; before the set is refused, two errors at once are tried.
+
+        With one of two errors undone a log still predicts falsely, and may well speak against closures that are true.
+        """
+        told = self.weighed(errors, settings, predicted, refuted_places)
+        if told.verdict not in {Verdict.NEITHER, Verdict.RADIO}:
+            return told
+        two_errors = self.radio.second_errors([self.middle], errors)
+        return self.weighed(errors, settings, predicted, refuted_places, two_errors)
 
     def if_right(self, errors: Sequence[Explained], settings: MutualCheckSettings) -> Mapping[str, float]:
         """Log-evidence of log and registrations where the set is right, by what is wrong with the log."""

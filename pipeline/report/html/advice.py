@@ -44,7 +44,7 @@ def _false_closures(result: RunResult) -> list[str]:
 
 def doubts(solution: Solution) -> list[str]:
     """What the first sentence of a page must not keep to itself, as clauses."""
-    said = ["the map may be wrong, as said below"] if solution.doubts else []
+    said = ["the map may be wrong, since another one fits about as well"] if solution.doubts else []
     return said + (["the radio log seems wrong, or contradicts the closures"] if solution.contradictions else [])
 
 

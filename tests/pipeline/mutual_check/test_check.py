@@ -12,10 +12,12 @@ import pytest
 from wiclosure import se3
 from wiclosure.formats.radio.wireless_log import read_wireless_log
 from wiclosure.formats.trajectories.tum import read_tum
-from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.config import Config, MutualCheckSettings
 from wiclosure.pipeline.mutual_check.check import check_pair
 from wiclosure.pipeline.mutual_check.odds import Verdict
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome
+from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
+from wiclosure.pipeline.mutual_check.set_evidence import SetEvidence
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import (
     Closure,
@@ -157,6 +159,42 @@ def test_closures_win_over_a_radio_with_an_error_which_is_named(
     assert found.drops_radio
     assert words in found.sentence
     assert "the radio is the likely fault" in found.sentence
+
+
+TWO_FAULTS = [("from the left", "clock"), ("clockwise", "3 m too long"), ("feet", "reversed")]
+
+
+def test_closures_of_a_street_win_over_a_radio_with_two_errors_at_once() -> None:
+    """With one of the two undone the log tells another alignment, decisively: that is no evidence against closures."""
+    rng = np.random.default_rng(4)
+    ways = {"a": [(0.0, 0.0), (40.0, 2.0), (75.0, 12.0)], "b": [(20.0, 0.0), (40.0, 2.0), (75.0, 12.0), (90.0, 20.0)]}
+    paths = {robot: [at_ten_times_the_speed(t) for t in path(robot, way, rng)] for robot, way in ways.items()}
+    truth, odometry = ({robot: both[n] for robot, both in paths.items()} for n in (0, 1))
+    radio = RadioSettings(every_m=4.0, direction="reciprocal", paths=5)
+    street = Team(truth, odometry, simulate_wireless_from_poses(truth, radio, seed=2))
+    log = late(turned(street.log, 1, -90.0), 2.0)
+    true = sorted(street.closures(60), key=lambda c: abs(c.query.index - 20) + abs(c.match.index - 5))[:12]
+    evidence = SetEvidence.of(true, 0, PairRadio.of(("a", "b"), odometry, log, Config().filter.alignment))
+    errors = evidence.errors()
+    assert evidence.weighed(errors, MutualCheckSettings()).verdict is Verdict.NEITHER
+    found = evidence.weighed_twice(errors, MutualCheckSettings())
+    assert found.verdict is Verdict.CLOSURES
+    assert "the clock of b seems to be about 2 s behind; and azimuths" in found.cause
+
+
+def at_ten_times_the_speed(trajectory: Trajectory) -> Trajectory:
+    start_ns = trajectory.stamps_ns[0]
+    return replace(trajectory, stamps_ns=start_ns + (trajectory.stamps_ns - start_ns) // 10)
+
+
+@pytest.mark.parametrize(("one", "other"), TWO_FAULTS)
+def test_closures_of_places_that_look_alike_do_not_win_whatever_two_errors_the_log_has(
+    team: Team, unpredicted: PairOutcome, one: str, other: str
+) -> None:
+    log, false = FAULTS[other][0](FAULTS[one][0](team.log)), tuple(team.closures(25, SHIFT))
+    found = check_pair(replace(unpredicted, checked=false), team.odometry, log, Config(), lambda pair, also: [])
+    assert found.weighed is not None
+    assert found.weighed.verdict not in {Verdict.CLOSURES, Verdict.COMPATIBLE}
 
 
 @pytest.mark.parametrize("fault", ["clockwise", "odometry axes"])

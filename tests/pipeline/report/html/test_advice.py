@@ -93,5 +93,5 @@ def test_sets_that_contradict_each_other_and_a_wrong_log_are_said_first(run_of: 
     assert second.startswith("alpha and beta: feet. wiclosure radio check")
     verdict = run_verdict(result.metrics, next_steps(result), doubts(result.solution))
     assert verdict["tone"] == "warn"
-    assert "; the map may be wrong, as said below" in verdict["sentence"]
+    assert "; the map may be wrong, since" in verdict["sentence"]
     assert "; the radio log seems wrong, or contradicts the closures" in verdict["sentence"]
