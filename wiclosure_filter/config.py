@@ -68,7 +68,7 @@ class AmbiguitySettings(Settings):
     same_place_fraction: float = Field(
         0.15,
         gt=0.0,
-        description="alignments that differ by less (over the links' distance) are one: the covariance covers it",
+        description="alignments that differ by less (over the links' distance) are one, where the covariance covers it",
     )
 
 
