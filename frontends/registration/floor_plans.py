@@ -122,7 +122,7 @@ class _Raster:
         cells = fft.next_fast_len(int(across_m / cell_m) + 2 * _TOLERANCE_CELLS, real=True)
         turn_rad = float(np.clip(2 * cell_m / max(radius_moved_m, cell_m), _FINEST_TURN_RAD, _COARSEST_TURN_RAD))
         turns = int(np.ceil(2 * np.pi / turn_rad))
-        image = maximum_filter(_image(fixed[:, :2] - middle_fixed, cells, cell_m), _TOLERANCE_CELLS)
+        image = maximum_filter(_image(fixed[:, :2] - middle_fixed, cells, cell_m), _TOLERANCE_CELLS, mode="wrap")
         return cls(cell_m, cells, turns, middle_fixed, middle_moved, fft.rfft2(image))
 
     def laid_over(self, moved: FloatArray, yaw_rad: float) -> list[LookAlike]:

@@ -51,6 +51,13 @@ def test_a_room_with_a_corner_missing_fits_one_way_only() -> None:
     assert other_ways(ROOM, ROOM, VOXEL_M) == []
 
 
+def test_a_wall_through_the_middle_has_as_much_room_on_either_side() -> None:
+    wall = outline([(-10, 0), (10, 0)])
+    aside = wall + np.where(wall[:, :1] < 0, 1, -1) * [0.0, 2 * VOXEL_M, 0.0]  # by one cell, to one side and the other
+    ways = all_ways(np.concatenate([HALL, wall]), np.concatenate([HALL, aside]), VOXEL_M)
+    assert ways[0].share == pytest.approx(1.0)
+
+
 def test_without_points_nothing_fits() -> None:
     assert all_ways(np.zeros((0, 3)), HALL, VOXEL_M) == []
     assert other_ways(HALL, np.zeros((0, 3)), VOXEL_M) == []
