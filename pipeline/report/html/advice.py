@@ -49,9 +49,11 @@ def doubts(solution: Solution) -> list[str]:
 
 
 def _doubts(result: RunResult) -> list[str]:
+    unused = result.metrics["filter"] == "none"
+    radio = "let the radio decide (--filter wiclosure)" if unused else "measure more by radio between them"
     return [
         f"{doubt}. Compare both scans of closures under Closures; let the robots share places that look"
-        " different, or measure more by radio between them."
+        f" different, or {radio}."
         for doubt in result.solution.doubts
     ]
 
