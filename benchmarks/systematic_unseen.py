@@ -20,8 +20,6 @@ def of_log(change: Callable[[list[WirelessMeasurement]], list[WirelessMeasuremen
 
 def stuck(log: list[WirelessMeasurement]) -> list[WirelessMeasurement]:
     """From two thirds on, the receiver repeats its last value."""
-    if not log:
-        return log
     last = log[2 * len(log) // 3]
     return [replace(m, range_m=last.range_m, paths=last.paths) if m.stamp_ns > last.stamp_ns else m for m in log]
 
