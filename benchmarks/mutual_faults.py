@@ -115,9 +115,11 @@ def of_receiver(fault: Fault) -> Fault:
     """A fault of what the robot that is last by name receives."""
 
     def spoil(log: WirelessLog) -> WirelessLog:
-        last, spoilt = max(log.robots()), fault(log).measurements
-        mixed = (s if m.receiver == last else m for m, s in zip(log.measurements, spoilt, strict=True))
-        return replace(log, measurements=tuple(mixed))
+        last = max(log.robots())
+        own = tuple(m for m in log.measurements if m.receiver == last)
+        others = tuple(m for m in log.measurements if m.receiver != last)
+        spoilt = fault(replace(log, measurements=own)).measurements
+        return replace(log, measurements=tuple(sorted((*others, *spoilt), key=lambda m: m.stamp_ns)))
 
     return spoil
 
@@ -217,8 +219,9 @@ def from_half_way(fault: Fault) -> Fault:
     """A fault that begins in the middle of the log."""
 
     def spoil(log: WirelessLog) -> WirelessLog:
-        half, spoilt = len(log.measurements) // 2, fault(log).measurements
-        return replace(log, measurements=(*log.measurements[:half], *spoilt[half:]))
+        half = len(log.measurements) // 2
+        spoilt = fault(replace(log, measurements=log.measurements[half:])).measurements
+        return replace(log, measurements=(*log.measurements[:half], *spoilt))
 
     return spoil
 

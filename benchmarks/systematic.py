@@ -60,7 +60,8 @@ class Score:
 def make(world: World, fault: Fault, rng: np.random.Generator) -> Case:
     """One trial."""
     odometry = world.odometry or {name: drifted(t, rng) for name, t in world.truth.items()}
-    return fault.spoil(Case(world.truth, odometry, listen(world, fault.hearing, rng)), rng)
+    case = Case(world.truth, odometry, listen(world, fault.hearing, rng))
+    return fault.spoil(case, rng) if case.log.measurements else case  # robots that never hear each other
 
 
 def count_outcome(case: Case, result: FilterResult, fault: Fault, score: Score, *, tells: bool = False) -> None:

@@ -24,8 +24,8 @@ def as_poses(positions: np.ndarray) -> np.ndarray:
 world = {"alpha": as_poses(north), "beta": as_poses(south)}
 odometry = {name: se3.inverse(poses[0]) @ poses for name, poses in world.items()}  # each in a frame of its own
 
-heard = []  # (index, range in m, bearings in rad): alpha hears beta within 150 m; most bearings are reflections
-for i in range(0, 200, 4):
+heard = []  # (index, range in m, bearings in rad), once a second within 150 m; most bearings are reflections
+for i in range(0, 200, 2):
     x, y, _ = se3.between(world["alpha"][i], world["beta"][i])[:3, 3]
     if np.hypot(x, y) < 150.0:
         heard.append((i, np.hypot(x, y) + rng.normal(0, 0.5), [np.arctan2(y, x), *rng.uniform(-3, 3, 2)]))

@@ -29,6 +29,20 @@ def test_work_has_one_thread_and_the_caller_has_as_many_as_before() -> None:
         assert threads() == {2}
 
 
+def test_libraries_loaded_between_two_calls_have_one_thread_too() -> None:
+    code = (
+        "from threadpoolctl import threadpool_info\n"
+        "from wiclosure.blas import one_blas_thread\n"
+        "threads = one_blas_thread(lambda: [library['num_threads'] for library in threadpool_info()])\n"
+        "before = threads()\n"
+        "import numpy\n"
+        "print(before, {library['num_threads'] for library in threadpool_info()}, threads())"
+    )
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", "{2}", "[1]"]
+
+
 @pytest.mark.parametrize(("set_to", "there"), [(None, "1"), ("2", "2")])
 def test_what_the_user_sets_for_a_process_stands(set_to: str | None, there: str) -> None:
     code = (

@@ -13,9 +13,9 @@ class RadioModel(Settings):
     """What is assumed of ranges and bearings beyond the sigma that each measurement brings."""
 
     direct_path_absent: float = Field(
-        0.15, ge=0.0, lt=1.0, description="probability that no reported path is the direct one; 0.15 in WSR data sets"
+        0.15, gt=0.0, lt=1.0, description="probability that no reported path is the direct one; 0.15 in WSR data sets"
     )
-    range_outlier: float = Field(0.05, ge=0.0, lt=1.0, description="probability of a gross range error")
+    range_outlier: float = Field(0.05, gt=0.0, lt=1.0, description="probability of a gross range error")
     range_biased: float = Field(
         0.15, ge=0.0, lt=1.0, description="probability of a range through an obstacle, longer than the distance"
     )
@@ -68,7 +68,7 @@ class AmbiguitySettings(Settings):
     same_place_fraction: float = Field(
         0.15,
         gt=0.0,
-        description="alignments that differ by less (over the links' distance) are one: the covariance covers it",
+        description="alignments that differ by less (over the links' distance) are one, where the covariance covers it",
     )
 
 

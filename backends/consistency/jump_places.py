@@ -15,7 +15,14 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 
 
 def place_to_cut(robots: Robots, merged: MergedGroups, nodes: IntArray, settings: MergeSettings) -> int | None:
-    """The node, of these of one robot, before which odometry may have jumped; None if nothing speaks for it."""
+    """The node, of these of one robot, before which odometry may have jumped; None if nothing speaks for it.
+
+    Args:
+        robots: with standard deviations as `merged` found them.
+        merged: the team.
+        nodes: of one robot of the uncut team.
+        settings: of the merge.
+    """
     places: list[tuple[float, int]] = []
     for part in np.unique(robots.robot[nodes]):
         of_part = np.flatnonzero(robots.robot == part)
@@ -78,7 +85,7 @@ def _by_own_loops(robots: Robots, merged: MergedGroups, of_part: IntArray, split
 def _set_holds(robots: Robots, merged: MergedGroups, node: int, settings: MergeSettings) -> bool:
     """Whether, with a cut there, rejected closures of either part make a set that holds by itself."""
     part = int(robots.robot[node])
-    robots = robots.loosened(merged.odometry_factors).scaled(merged.factors).cut(node)
+    robots = robots.cut(node)
     group = np.insert(merged.group, part + 1, merged.group[part])
     group = np.where(group > part, group + 1, group)  # numbers of groups are those of their robots
     for alone in (part, part + 1):
@@ -86,8 +93,10 @@ def _set_holds(robots: Robots, merged: MergedGroups, node: int, settings: MergeS
         apart[alone] = robots.count
         touching = (robots.robot[robots.loop_ends] == alone).any(axis=0)
         rejected = touching & ~merged.inlier
-        of_pairs = (pair[rejected[pair]] for pair in pairs_of_groups(robots, apart))
-        for rows in filter(len, of_pairs):
-            if any(c.holds for c in sets_between(robots, rows, apart, merged.settled, settings)):
+        for pair in pairs_of_groups(robots, apart):
+            rows = pair[rejected[pair]]
+            if len(rows) >= max(settings.min_size, 1) and any(
+                c.holds for c in sets_between(robots, rows, apart, merged.settled, settings)
+            ):
                 return True
     return False

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,9 +41,14 @@ class _Explanation:
         robots = self.robots.cut(node)
         return _Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
 
+    @cached_property
+    def restated(self) -> Robots:
+        """With standard deviations as the merge found them."""
+        return self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+
     def cost(self, settings: MergeSettings) -> float:
         """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
-        merged, of = self.merged, self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+        merged, of = self.merged, self.restated
         odometry, loops = (
             mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
             for edges in (of.odometry, of.loops)
@@ -54,6 +60,8 @@ class _Explanation:
 
     def gained(self, before: _Explanation, settings: MergeSettings) -> float:
         """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
+        if self is before:
+            return 0.0
         gained = before.cost(settings) - self.cost(settings)
         return gained if gained > self.one_place(settings) else 0.0
 
@@ -142,7 +150,8 @@ def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: M
     """Cut within the nodes of one robot as long as it gains, where the estimate refutes odometry's step."""
     best = found
     while True:
-        places = place_to_cut(best.robots, best.merged, nodes, settings), most_strained(best.robots, best.merged, nodes)
+        of = best.restated, best.merged, nodes
+        places = place_to_cut(*of, settings), most_strained(*of)
         tried = [best.cut(node, settings) for node in dict.fromkeys(places) if node is not None]
         gained = [explanation.gained(best, settings) for explanation in tried]
         if not any(gained):

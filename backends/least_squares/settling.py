@@ -120,7 +120,7 @@ def settle(
     rng = np.random.default_rng(len(loops))
     rows = np.flatnonzero(inside)
     system = System.of(odometry + loops.subset(rows), poses, held)
-    noise = rng.normal(size=(len(system.edges), len(system.compared), SAMPLES))
+    noise = rng.standard_normal(size=(len(system.edges), len(system.compared), SAMPLES))
     kept, count, locked = inlier[rows].copy(), len(odometry), np.zeros(len(rows), int)
     degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
     for step in range(rounds):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import binom
@@ -25,21 +26,24 @@ class ClosureComparison:
         beyond: squared Mahalanobis distance up to which distances are exact.
         anchors: `(K,)` rows that the others are compared with.
         between_anchors: `(K, K)` squared distances.
-        chance: sorted squared distances of recombined closures.
     """
 
     claims: Claims
     beyond: float
     anchors: IntArray
     between_anchors: FloatArray
-    chance: FloatArray
     _rows: dict[int, FloatArray] = field(default_factory=dict)  # by anchor, its distances from all
 
     @classmethod
     def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
         """Compares the closures, exactly up to a squared distance of `beyond`."""
         anchors = _anchors(claims, beyond)
-        return cls(claims, beyond, anchors, claims.distances(anchors, beyond, anchors), claims.chance_distances())
+        return cls(claims, beyond, anchors, claims.distances(anchors, beyond, anchors))
+
+    @cached_property
+    def recombined(self) -> FloatArray:
+        """Sorted squared distances of recombined closures, by which the chance is told that sets are asked for."""
+        return self.claims.chance_distances()
 
     def distances(self, members: IntArray) -> FloatArray:
         """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""
@@ -55,7 +59,6 @@ class ClosureComparison:
             limit: squared distance within which two closures agree.
             most: how many.
         """
-        p = chance_to_agree(self.chance, limit, len(self.claims), self.claims.degrees)
         found, taken = [], np.zeros(len(self.claims), bool)
         inside = self.between_anchors <= limit
         for members in dense_sets(inside & inside.T, most):
@@ -68,10 +71,10 @@ class ClosureComparison:
                 continue
             taken |= belongs
             medoid = self.anchors[members[np.argmax(agree[:, rows].sum(axis=1))]]
-            found.append(ConsistentSet(rows, int(medoid), p, len(self.claims)))
+            found.append(ConsistentSet(rows, int(medoid), limit, self))
         if len(self.claims) <= FEW:
             alone = np.flatnonzero(~taken)
-            found += [ConsistentSet(np.array([row]), int(row), p, len(self.claims)) for row in alone]
+            found += [ConsistentSet(np.array([row]), int(row), limit, self) for row in alone]
         return found
 
 
@@ -96,22 +99,39 @@ class ConsistentSet:
     Args:
         rows: `(K,)` of the claims.
         medoid: the one that most others agree with.
-        p: chance that two unrelated closures agree.
-        total: closures among which the set was found.
+        limit: squared distance within which two agree.
+        comparison: of all closures that the set was found among.
     """
 
     rows: IntArray
     medoid: int
-    p: float
-    total: int
+    limit: float
+    comparison: ClosureComparison
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
+    def total(self) -> int:
+        """Closures that the set was found among."""
+        return len(self.comparison.claims)
+
+    @property
     def log_chance(self) -> float:
         """Logarithm of the expected number of sets as large around one of the closures, were all unrelated."""
-        others = len(self) - 1
-        if others < 1:
+        if len(self) < 2:
             return float(np.log(self.total))
-        return float(np.log(self.total) + binom.logsf(others - 1, self.total - 1, self.p))
+        claims = self.comparison.claims
+        p = chance_to_agree(self.comparison.recombined, self.limit, self.total, claims.degrees)
+        return log_expected(len(self), self.total, p)
+
+
+def log_expected(size: int, total: int, p: float) -> float:
+    """Logarithm of the number of sets of a size of two at least, each around one of `total` unrelated closures.
+
+    Args:
+        size: closures of a set.
+        total: closures.
+        p: chance that two unrelated ones agree.
+    """
+    return float(np.log(total) + binom.logsf(size - 2, total - 1, p))

@@ -76,7 +76,7 @@ class CandidateSet:
         of = self.closure_set
         rows = of.rows[kept]
         medoid = of.medoid if of.medoid in rows else int(rows[0])
-        left = ConsistentSet(rows, medoid, of.p, of.total)
+        left = ConsistentSet(rows, medoid, of.limit, of.comparison)
         return CandidateSet(self.a, self.b, self.rows[kept], left, self.comparison, support=self.support)
 
     @property

@@ -71,9 +71,9 @@ class Slips:
         seconds = [(int(ns) - start_ns) * 1e-9 for ns in self.stamps_ns]
         gross = [at for at, of in zip(seconds, self.gross.tolist(), strict=True) if of]
         times = ", ".join(f"{at:.1f}" for at in gross[:8]) + (" ..." if len(gross) > 8 else "")
-        often = "once" if len(gross) == 1 else f"{len(gross)} times"
+        often, most = ("once", "") if len(gross) == 1 else (f"{len(gross)} times", f" most at {seconds[worst]:.1f} s,")
         return (
-            f"odometry slips {often}, at {times} s after its start, at {seconds[worst]:.1f} s by"
+            f"odometry slips {often}, at {times} s after its start,{most} by"
             f" {self.departure_m[worst]:.1f} m and {np.degrees(self.departure_rad[worst]):.0f} degrees;"
             " from then on steps count as unknown by how they depart from the motion before, and loops may mend them"
         )

@@ -14,7 +14,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import gaussian_filter, maximum_filter
 
 from wiclosure import se3
 from wiclosure.frontends.registration.initial_guesses import REACH_VOXELS, REACH_YAW_RAD
@@ -122,7 +122,7 @@ class _Raster:
         cells = fft.next_fast_len(int(across_m / cell_m) + 2 * _TOLERANCE_CELLS, real=True)
         turn_rad = float(np.clip(2 * cell_m / max(radius_moved_m, cell_m), _FINEST_TURN_RAD, _COARSEST_TURN_RAD))
         turns = int(np.ceil(2 * np.pi / turn_rad))
-        image = maximum_filter(_image(fixed[:, :2] - middle_fixed, cells, cell_m), _TOLERANCE_CELLS)
+        image = maximum_filter(_image(fixed[:, :2] - middle_fixed, cells, cell_m), _TOLERANCE_CELLS, mode="wrap")
         return cls(cell_m, cells, turns, middle_fixed, middle_moved, fft.rfft2(image))
 
     def laid_over(self, moved: FloatArray, yaw_rad: float) -> list[LookAlike]:
@@ -130,8 +130,12 @@ class _Raster:
         turned = se3.from_yaw(yaw_rad, np.zeros(3))
         image = _image(moved @ turned[:2, :2].T, self.cells, self.cell_m)
         found = fft.irfft2(self.spectrum * np.conj(fft.rfft2(image)), (self.cells, self.cells))
-        tops = np.flatnonzero((found == maximum_filter(found, 2 * _TOLERANCE_CELLS + 1, mode="wrap")).ravel())
-        best = tops[np.argsort(found.ravel()[tops])[::-1][:_PEAKS_PER_TURN]]
+        found = np.rint(found).astype(np.float64)  # counts of cells
+        # Grown cells make plateaus of equal counts: of these the middle is the peak, or one would pass for several.
+        width = 2 * _TOLERANCE_CELLS + 1
+        ranked = found + gaussian_filter(found, _TOLERANCE_CELLS / 2, mode="wrap") / (2 * image.sum())
+        tops = np.flatnonzero((ranked == maximum_filter(ranked, width, mode="wrap")).ravel())
+        best = tops[np.argsort(ranked.ravel()[tops])[::-1][:_PEAKS_PER_TURN]]
         steps = np.stack(np.unravel_index(best, found.shape), axis=-1)
         steps = np.where(steps > self.cells // 2, steps - self.cells, steps)
         at = self.middle_fixed + steps * self.cell_m - turned[:2, :2] @ self.middle_moved

@@ -83,10 +83,12 @@ class CoarseToFineGicp:
         if result.evidence.inliers < settings.min_inliers:
             return f"only {result.evidence.inliers} points of structure match, {settings.min_inliers} needed"
         if result.evidence.inlier_ratio < needed:
-            return f"only {result.evidence.inlier_ratio:.2f} of the structure matches, {needed:.2f} needed"
+            found, wanted = _told_apart(result.evidence.inlier_ratio, needed)
+            return f"only {found} of the structure matches, {wanted} needed"
         needed = settings.min_agreement_with_prediction if predicted else settings.min_agreement
         if result.evidence.agreement < needed:
-            return f"free-space conflict: agreement {result.evidence.agreement:.2f}, {needed:.2f} needed"
+            found, wanted = _told_apart(result.evidence.agreement, needed)
+            return f"free-space conflict: agreement {found}, {wanted} needed"
         return ""
 
     def _align(
@@ -124,6 +126,12 @@ class CoarseToFineGicp:
             if not any(np.linalg.norm(s[:3, 3]) < limit_m / 2 and se3.rotation_angle(s) < 0.15 for s in step):
                 chosen.append(poses[index])
         return chosen[: self._REFINED]
+
+
+def _told_apart(found: float, needed: float) -> tuple[str, str]:
+    """Both with as many digits, two at least, as show that they differ."""
+    digits = next((d for d in range(2, 7) if f"{found:.{d}f}" != f"{needed:.{d}f}"), 7)
+    return f"{found:.{digits}f}", f"{needed:.{digits}f}"
 
 
 class PointToPointIcp:

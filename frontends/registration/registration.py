@@ -17,7 +17,7 @@ from wiclosure.frontends.registration.result import RegistrationResult
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.types import Closure, Float32Array, FloatArray, Prediction, Stage
 
-ELSEWHERE_VOXELS, ELSEWHERE_RAD = 4.0, 0.2
+_ELSEWHERE_VOXELS, _ELSEWHERE_RAD = 4.0, 0.2
 
 
 class Registration:
@@ -104,10 +104,9 @@ class Registration:
     def _ambiguity(self, best: RegistrationResult, others: Sequence[RegistrationResult], voxel_m: float) -> str:
         """Which other pose fits nearly as well; empty if none: in repetitive places the better of two is chance."""
         for other in others:
-            gap = se3.between(best.T_query_match, other.T_query_match)
-            metres, radians = float(np.linalg.norm(gap[:3, 3])), float(se3.rotation_angle(gap))
-            elsewhere = metres > ELSEWHERE_VOXELS * voxel_m or radians > ELSEWHERE_RAD
+            elsewhere = is_elsewhere(other.T_query_match, best.T_query_match, voxel_m)
             if elsewhere and other.score > self._settings.ambiguity * best.score:
+                metres, radians = _apart(other.T_query_match, best.T_query_match)
                 return (
                     f"ambiguous: a pose {metres:.1f} m and {np.degrees(radians):.0f} degrees away fits nearly as well,"
                     f" {other.evidence.inlier_ratio:.2f} of the structure with agreement {other.evidence.agreement:.2f}"
@@ -119,3 +118,15 @@ def _support(result: RegistrationResult, chi2: float | None) -> str:
     found = result.evidence
     prediction = "" if chi2 is None else f", chi-square {chi2:.1f} from the prediction"
     return f"{found.inlier_ratio:.2f} of the structure matches within {found.rms_m:.2f} m rms{prediction}"
+
+
+def is_elsewhere(T: FloatArray, T_other: FloatArray, voxel_m: float) -> bool:
+    """Whether two poses of one cloud differ by more than registration at this resolution does."""
+    metres, radians = _apart(T, T_other)
+    return metres > _ELSEWHERE_VOXELS * voxel_m or radians > _ELSEWHERE_RAD
+
+
+def _apart(T: FloatArray, T_other: FloatArray) -> tuple[float, float]:
+    """Metres and radians between two poses."""
+    gap = se3.between(T, T_other)
+    return float(np.linalg.norm(gap[:3, 3])), float(se3.rotation_angle(gap))

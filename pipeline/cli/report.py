@@ -33,7 +33,7 @@ def report(
         from wiclosure.pipeline.report.foxglove import write_mcap
 
         write_mcap(folder, mcap, overwrite=overwrite)
-        typer.echo(f"run in {mcap}")
+        typer.echo(f"map, paths and closures in {mcap}")
         return
     from wiclosure.pipeline.report.html.report import write_again
 

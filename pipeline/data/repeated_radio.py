@@ -14,6 +14,7 @@ from wiclosure.types import BoolArray, FloatArray, WirelessLog, WirelessMeasurem
 logger = logging.getLogger(__name__)
 
 _FINEST_STAMP_NS, _FINEST_RANGE_M = 1_000, 1e-5  # what single and double precision leave of them
+_FEWEST_ON_A_LINE = 8  # measurements; two numbers fit the line
 _DIGITS_OFF = 1e-3  # of the last digit, by which a number that has no more digits may miss it
 
 
@@ -32,6 +33,7 @@ def each_once(logs: Sequence[tuple[str, WirelessLog]]) -> WirelessLog:
     for i, j in combinations(range(len(logs)), 2):
         same_i, same_j = _alike(measurements[i], measurements[j])
         if not any(same_i):
+            _warn_of_another_unit(*((logs[k][0], measurements[k]) for k in (i, j)))
             continue
         less, more, same = (i, j, same_i) if _bearings(measurements[j]) > _bearings(measurements[i]) else (j, i, same_j)
         logger.warning(
@@ -74,6 +76,33 @@ def _alike(one: Sequence[WirelessMeasurement], other: Sequence[WirelessMeasureme
             for marked, rows_of, found in zip(same, at, near, strict=True):
                 marked[rows_of] = found
     return same
+
+
+def _warn_of_another_unit(
+    one: tuple[str, Sequence[WirelessMeasurement]], other: tuple[str, Sequence[WirelessMeasurement]]
+) -> None:
+    """One log that is read twice, once with another unit or offset: at equal times ranges follow one straight line.
+
+    Two radios side by side scatter about such a line.
+    """
+    rows = [_ranged(log) for _, log in (one, other)]
+    for robots in rows[0].keys() & rows[1].keys():
+        at = [
+            {log[k].stamp_ns: log[k].range_m for k in of[robots]}
+            for (_, log), of in zip((one, other), rows, strict=True)
+        ]
+        common = sorted(at[0].keys() & at[1].keys())
+        if len(common) < _FEWEST_ON_A_LINE or 2 * len(common) <= min(map(len, at)):
+            continue
+        x, y = (np.array([of[ns] for ns in common], np.float64) for of in at)
+        scale, offset = np.polyfit(x, y, 1) if np.ptp(x) > 0 else (0.0, 0.0)
+        digit = max(_last_digits(np.column_stack([common, of]), 0)[1] for of in (x, y))
+        if scale > 0 and np.ptp(y) > 100 * digit and np.max(np.abs(scale * x + offset - y)) <= digit * max(1.0, scale):
+            logger.warning(
+                "%s and %s hold %d measurements of %s at the same times, with ranges %.4g times as long and %.2f m more"
+                " in the second: one log in two units or with two offsets? Both are used; leave one of the two out",
+                one[0], other[0], len(common), " and ".join(sorted(robots)), scale, offset,
+            )  # fmt: skip
 
 
 def _ranged(log: Sequence[WirelessMeasurement]) -> dict[frozenset[str], list[int]]:

@@ -177,7 +177,7 @@ class Metrics(TrajectoryMetrics, CostMetrics):
     `ate_odometry_m` has each robot's plain odometry aligned on its own, and under `team` the error over all robots:
     what drift leaves to anyone who places the robots perfectly but mends nothing within them.  `doubts`: why the map
     may be wrong, one sentence for each two robots of which sets of closures contradict each other, or whose scans
-    fit as well otherwise; mostly empty.
+    fit as well otherwise, and for odometry that may jump; mostly empty.
     """
 
     filter: str

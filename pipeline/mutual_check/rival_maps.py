@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from wiclosure import se3
 from wiclosure.frontends.registration.floor_plans import LookAlike, other_ways, standing_points
 from wiclosure.frontends.registration.initial_guesses import REACH_VOXELS
-from wiclosure.frontends.registration.registration import ELSEWHERE_RAD, ELSEWHERE_VOXELS
+from wiclosure.frontends.registration.registration import is_elsewhere
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.odds import in_words
@@ -109,27 +109,28 @@ def rival_maps(
     found: list[RivalMap | None] = []
     measured = Counter(frozenset((m.receiver, m.transmitter)) for m in wireless.measurements)
     overdetermined = {pair for pair in map(frozenset, trusted) if measured[pair] >= _OVERDETERMINED}
-    for pair in _joining(closures):
+    accepted: dict[Pair, list[Closure]] = {}
+    for closure in survivors(closures, Stage.ESTIMATE):
+        accepted.setdefault((closure.query.robot, closure.match.robot), []).append(closure)
+    for pair in _joining({pair: len(of) for pair, of in accepted.items()}):
         if frozenset(pair) not in overdetermined:
             radio = PairRadio.of(pair, odometry, wireless, config.filter.alignment)
-            accepted = [c for c in survivors(closures, Stage.ESTIMATE) if (c.query.robot, c.match.robot) == pair]
             of_pair = _Merged.of(pair, merged, clouds, config)
-            found.append(_least_decided(list(of_pair.rivals(register)), accepted, radio, config))
+            found.append(_least_decided(list(of_pair.rivals(register)), accepted[pair], radio, config))
     return [one for one in found if one is not None]
 
 
-def _joining(closures: Sequence[Closure]) -> list[Pair]:
-    """Pairs of robots that hold their map together: a tree, of the pairs with most closures.
+def _joining(closures: Mapping[Pair, int]) -> list[Pair]:
+    """Of pairs by how many closures they have, those that hold the map together: a tree, of the pairs with most.
 
     Others agree with these.  If places look alike, one of these is wrong as well.
     """
-    ends = [(c.query.robot, c.match.robot) for c in survivors(closures, Stage.ESTIMATE)]
-    pairs = [pair for pair in dict.fromkeys(ends) if pair[0] != pair[1]]
+    pairs = [pair for pair in closures if pair[0] != pair[1]]
     if not pairs:
         return []
     number = {robot: n for n, robot in enumerate(dict.fromkeys(robot for pair in pairs for robot in pair))}
     rows, columns = np.array([[number[robot] for robot in pair] for pair in pairs]).T
-    graph = coo_array(([1.0 / ends.count(pair) for pair in pairs], (rows, columns)), (len(number),) * 2)
+    graph = coo_array(([1.0 / closures[pair] for pair in pairs], (rows, columns)), (len(number),) * 2)
     tree = minimum_spanning_tree(graph.tocsr())
     return [pair for pair, row, column in zip(pairs, rows, columns, strict=True) if tree[row, column]]
 
@@ -234,9 +235,7 @@ class _Merged:
     def _is_elsewhere(self, closure: Closure) -> bool:
         first, second = self.paths
         as_merged = se3.between(first.poses[closure.query.index], second.poses[closure.match.index])
-        gap = se3.between(as_merged, closure.measured.T_query_match) if closure.measured else np.eye(4)
-        metres, radians = float(np.linalg.norm(gap[:3, 3])), float(se3.rotation_angle(gap))
-        return metres > ELSEWHERE_VOXELS * self.voxel_m or radians > ELSEWHERE_RAD
+        return closure.measured is not None and is_elsewhere(closure.measured.T_query_match, as_merged, self.voxel_m)
 
 
 def _standing(path: Trajectory, clouds: Sequence[Float32Array], voxel_m: float) -> FloatArray:

@@ -26,9 +26,7 @@ def run_table(metrics: Metrics) -> Table:
     """One run on one screen, stage after stage, and below it what the user should know."""
     table = _two_columns(f"run with filter: {metrics['filter']}")
     if metrics.get("doubts"):
-        table.add_row(
-            "map", "[bold red]may be wrong[/bold red], since sets of closures contradict each other: see the remarks"
-        )
+        table.add_row("map", "[bold red]may be wrong[/bold red], since another one fits about as well: see the remarks")
     _add_pairs(table, metrics["pairs_kept"], metrics["pairs_total"])
     for found in (metrics["candidates"], metrics["candidates_registrable"]):
         if found["true"] is not None:

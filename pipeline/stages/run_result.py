@@ -40,7 +40,7 @@ class Solution:
         diagnosis: sentences for the user: why there are few or no closures, or why the map may be wrong.
         contradictions: those on robots of which radio and closures, or clocks, tell differently.
         doubts: those on robots of which two sets of closures contradict each other, one of them accepted, or whose
-            scans fit as well otherwise.
+            scans fit as well otherwise, and on odometry that may jump.
         without_radio: robots that measured each other and went on as if they had not.
     """
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 _Given = ParamSpec("_Given")
 _Result = TypeVar("_Result")
@@ -19,12 +23,18 @@ def one_blas_thread(work: Callable[_Given, _Result]) -> Callable[_Given, _Result
 
     @wraps(work)
     def limited(*args: _Given.args, **kwargs: _Given.kwargs) -> _Result:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _loaded_libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return work(*args, **kwargs)
 
     return limited
+
+
+@lru_cache(maxsize=1)
+def _loaded_libraries(_modules: int) -> ThreadpoolController:
+    """Looked for again when modules have been imported, which is how libraries are loaded: it takes milliseconds."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def one_blas_thread_from_here() -> None:

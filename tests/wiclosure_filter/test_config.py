@@ -24,7 +24,16 @@ def test_the_papers_filter_is_a_preset_that_changes_four_keys() -> None:
     assert paper.model_copy(update=same) == ours
 
 
-@pytest.mark.parametrize("change", [{"alignment": {"radio": {"max_paths": 0}}}, {"gates": {}}, {"closure_odds": 1.0}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"alignment": {"radio": {"max_paths": 0}}},
+        {"alignment": {"radio": {"range_outlier": 0.0}}},  # a single gross error would make every place impossible
+        {"alignment": {"radio": {"direct_path_absent": 0.0}}},
+        {"gates": {}},
+        {"closure_odds": 1.0},
+    ],
+)
 def test_wrong_settings_are_refused(change: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         FilterSettings.model_validate(change)

@@ -132,7 +132,10 @@ class _Chosen:
         misfit = fit.misfit(least) or best.overstrained(least)
         sentence = "" if second is None else second.sentence
         slip = sentence if second is not None and second.slip else best.slip(settings.guard.min_odds)
-        contested = "" if selection.ambiguous or second else _contested(followed, settings.guard)
+        rivals = () if selection.ambiguous or second else _rivals(best, others, settings.guard)
+        contested = _contested(best, rivals[0]) if rivals else ""
+        if second is None:
+            others = [*(rivals or others[: len(selection.others)])]
         ambiguous = selection.reason if selection.ambiguous else best.vague or contested
         blunder = "" if indistinct is None else indistinct.sentence
         extraordinary = best.extraordinary(settings.guard)
@@ -152,21 +155,28 @@ class _Chosen:
         )
 
 
-def _contested(followed: Sequence[Followed], guard: AmbiguitySettings) -> str:
-    """Whether a different alignment is nearly as likely once both follow drift and errors: a sentence, or empty.
+def _rivals(best: Followed, others: Sequence[Followed], guard: AmbiguitySettings) -> tuple[Followed, ...]:
+    """Those elsewhere that are nearly as likely once all follow drift and errors, the most likely first.
 
     Of mirror images, one rigid transform may fit far better by what a clock or a scale explains as well.
     """
-    best, *others = followed
     same_place_m = guard.same_place_fraction * best.mixture.observations.typical_distance_m
-    for other in others:
-        log_odds = best.log_evidence - other.log_evidence  # NaN where one of them was not followed
-        if log_odds < np.log(guard.min_odds) and best.apart_m(other) > same_place_m:
-            return (
-                f"an alignment {best.apart_m(other):.1f} m away is nearly as likely where odometry drifts and constant"
-                f" errors are allowed for (odds {np.exp(log_odds):.1f} to 1)"
-            )
-    return ""
+    rivals = [
+        other
+        for other in others
+        # NaN, and so no rival, where one of them was not followed
+        if best.log_evidence - other.log_evidence < np.log(guard.min_odds) and best.differs(other, same_place_m)
+    ]
+    return tuple(sorted(rivals, key=lambda other: -other.log_evidence))
+
+
+def _contested(best: Followed, rival: Followed) -> str:
+    """What is said of a rival."""
+    odds = np.exp(best.log_evidence - rival.log_evidence)
+    return (
+        f"an alignment {best.apart_m(rival):.1f} m away is nearly as likely where odometry drifts and constant errors"
+        f" are allowed for (odds {odds:.1f} to 1)"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,8 +211,12 @@ class _Peaks:
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Of the peaks that are reported, the best first."""
-        return (self.selection.best, *(self.selection.others if self.second is None else (self.second.row,)))
+        """Of the peaks that may be reported, the best first."""
+        chosen = self.selection
+        if self.second is not None:
+            return chosen.best, self.second.row
+        twin = () if chosen.ambiguous or chosen.twin is None else (chosen.twin,)
+        return (chosen.best, *chosen.others, *twin)
 
     @property
     def _drifts(self) -> bool:

@@ -36,6 +36,8 @@ class Selection:
         log_volume: `(N,)` logarithm of the part of all that was searched that each peak takes.
         alternatives: rows of other peaks that are likely too, where they are few and clear: with `best` they hold the
             odds against all others, and against chance, that a certain alignment would.
+        twin: row of the best peak beside the best one, or None: where ranges alone tell, of two mirror images on either
+            side of a nearly straight path.
     """
 
     best: int
@@ -46,6 +48,7 @@ class Selection:
     different: BoolArray
     log_volume: FloatArray
     alternatives: tuple[int, ...] = ()
+    twin: int | None = None
 
     @property
     def others(self) -> tuple[int, ...]:
@@ -74,7 +77,9 @@ def assess(
     apart_m = weighed.apart_m(best)
     different = apart_m > weighed.same_place_m
     covariance = weighed.covariance(best, ~different)
-    second = int(np.flatnonzero(different)[np.argmax(weighed.evidence[different])]) if different.any() else None
+    second = weighed.best_of(different)
+    beside = ~different
+    beside[best] = False
     explanation = explained(peaks.states[best], mixture) if explanation is None else explanation.at(best)
     little = weighed.too_few(explanation)
     contested = weighed.contested(different, apart_m)
@@ -88,7 +93,9 @@ def assess(
     reason = reasons[0] if reasons else support(explanation, mixture)
     alternatives = weighed.likely_alternatives(best) if contested and not little else ()
     log_volume = weighed.evidence - peaks.log_posterior + 2 * np.log(2 * np.pi) - weighed.log_searched
-    return Selection(best, second, covariance, bool(reasons), reason, different, log_volume, alternatives)
+    return Selection(
+        best, second, covariance, bool(reasons), reason, different, log_volume, alternatives, weighed.best_of(beside)
+    )
 
 
 def log_evidence(peaks: Peaks) -> FloatArray:
@@ -139,6 +146,10 @@ class _WeighedPeaks:
     def apart_m(self, row: int) -> FloatArray:
         """How far `(N,)` the peaks are from one of them."""
         return displacement_m(self.peaks.states, self.peaks.states[row], self.mixture.observations)
+
+    def best_of(self, rows: BoolArray) -> int | None:
+        """The likeliest of some peaks; None of none."""
+        return int(np.flatnonzero(rows)[np.argmax(self.evidence[rows])]) if rows.any() else None
 
     def covariance(self, row: int, near: BoolArray) -> FloatArray:
         """Covariance `(4, 4)` of a state, with the spread of the peaks near it weighted by their mass."""

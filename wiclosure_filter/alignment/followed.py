@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.ambiguity import unobservable
 from wiclosure.wiclosure_filter.alignment.calibration import CONSTANT_BLUNDER, RANGE_SCALE
@@ -18,6 +19,8 @@ from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explan
 from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, explained
 from wiclosure.wiclosure_filter.links.links import Links
+
+_BEYOND_SIGMA = 3.0  # of the covariance that is stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,15 @@ class Followed:
         if self.frames is None or other.frames is None:
             return 0.0
         return float(np.sqrt(np.mean(np.sum((self.frames.w - other.frames.w)[:, :2] ** 2, axis=1))))
+
+    def differs(self, other: Followed, same_place_m: float) -> bool:
+        """Whether another one puts b elsewhere: so far, or beyond three sigma of this one, which stands for no twin."""
+        if self.frames is None or other.frames is None:
+            return False
+        off = other.frames.state - self.frames.state
+        off[0] = se3.wrap_angle(off[0])
+        squared = off @ np.linalg.solve(self.frames.covariance, off)
+        return bool(self.apart_m(other) > same_place_m or squared > _BEYOND_SIGMA**2)
 
     @property
     def bent_ns(self) -> tuple[int, int] | None:

@@ -98,7 +98,10 @@ def _zero(
     offset, agreement = float(np.angle(mean)), float(np.abs(mean))
     pair = samples.robots
     if agreement < _CONCENTRATED:
-        text = f"bearings and ranges do not agree on directions (resultant {agreement:.2f} of 1)"
+        text = (
+            "bearings scatter too much about the directions that the ranges give to tell where azimuth 0 points"
+            f" (agreement {agreement:.2f} of 1, {_CONCENTRATED} needed)"
+        )
         return [Finding("bearing", "note", text, pair)]
     quarter = round(offset / (np.pi / 2)) % 4
     degrees = np.degrees(offset)

@@ -44,14 +44,16 @@ def _false_closures(result: RunResult) -> list[str]:
 
 def doubts(solution: Solution) -> list[str]:
     """What the first sentence of a page must not keep to itself, as clauses."""
-    said = ["the map may be wrong, since places look alike"] if solution.doubts else []
+    said = ["the map may be wrong, since another one fits about as well"] if solution.doubts else []
     return said + (["the radio log seems wrong, or contradicts the closures"] if solution.contradictions else [])
 
 
 def _doubts(result: RunResult) -> list[str]:
+    unused = result.metrics["filter"] == "none"
+    radio = "let the radio decide (--filter wiclosure)" if unused else "measure more by radio between them"
     return [
         f"{doubt}. Compare both scans of closures under Closures; let the robots share places that look"
-        " different, or measure more by radio between them."
+        f" different, or {radio}."
         for doubt in result.solution.doubts
     ]
 

@@ -124,6 +124,8 @@ def _connected(address: str, tls: TlsFiles | None) -> Client:
         return Client(address, security=security, timeout=_ANSWER_S)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).strip().splitlines()[0]
+        if tls is None and "ssl_context" in reason:
+            reason = "tls:// needs the files of --cluster-tls CA,CERT,KEY"
         raise ConfigError(f"no scheduler answers at {address} ({reason}); see --cluster and --cluster-tls") from None
 
 

@@ -6,8 +6,8 @@ from scipy.stats import binom, chi2
 
 from wiclosure import se3
 from wiclosure.backends.sets import alignment
-from wiclosure.backends.sets.alignment import FEW, ClosureComparison, ConsistentSet
-from wiclosure.backends.sets.claims import Claims
+from wiclosure.backends.sets.alignment import FEW, ClosureComparison, log_expected
+from wiclosure.backends.sets.claims import Claims, chance_to_agree
 
 SIGMA = np.repeat([0.01, 0.1], 3)
 LIMIT = float(chi2.ppf(0.99, 6))
@@ -65,9 +65,17 @@ def test_closures_that_are_no_anchors_belong_as_well(monkeypatch):
 
 
 def test_the_chance_is_the_binomial_tail_times_the_closures_it_may_start_from():
-    of = ConsistentSet(np.arange(4), 0, 0.1, 10)
-    assert of.log_chance == pytest.approx(np.log(10 * sum(binom.pmf(k, 9, 0.1) for k in range(3, 10))))
-    assert ConsistentSet(np.arange(1), 0, 0.1, 10).log_chance == pytest.approx(np.log(10))
+    assert log_expected(4, 10, 0.1) == pytest.approx(np.log(10 * sum(binom.pmf(k, 9, 0.1) for k in range(3, 10))))
+    alone = compared(np.random.default_rng(3), (), unrelated=FEW).consistent_sets(LIMIT)[0]
+    assert alone.log_chance == pytest.approx(np.log(FEW))
+
+
+def test_the_chance_is_told_when_it_is_asked_for():
+    comparison = compared(np.random.default_rng(0), (6,), unrelated=20, noise=0.3)
+    largest = comparison.consistent_sets(LIMIT)[0]
+    assert "recombined" not in vars(comparison)
+    p = chance_to_agree(comparison.claims.chance_distances(), LIMIT, 26, comparison.claims.degrees)
+    assert largest.log_chance == log_expected(len(largest), 26, p)
 
 
 def test_a_small_true_set_among_thousands_is_found():

@@ -224,6 +224,8 @@ NAMES = "# stamp [ns] x y z qw qx qy qz\n"
     ("first", "step", "names", "expected_s"),
     [
         (1_000_000_000_000, 200_000_000, NAMES, 0.2),  # 1000 s in ns: in ms a date of 2001
+        (1_000_000_000_000, 50_000_000, NAMES, 0.05),
+        (1_000_000_000_000, 10_000_000, NAMES, 0.01),  # in ms a pose every three hours
         (12_500_000_000, 100_000_000, NAMES, 0.1),
         (0, 100, "", 0.1),  # ms
         (0, 1, "", 1.0),

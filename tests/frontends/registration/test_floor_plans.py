@@ -51,6 +51,24 @@ def test_a_room_with_a_corner_missing_fits_one_way_only() -> None:
     assert other_ways(ROOM, ROOM, VOXEL_M) == []
 
 
+def test_a_wall_through_the_middle_has_as_much_room_on_either_side() -> None:
+    wall = outline([(-10, 0), (10, 0)])
+    aside = wall + np.where(wall[:, :1] < 0, 1, -1) * [0.0, 2 * VOXEL_M, 0.0]  # by one cell, to one side and the other
+    ways = all_ways(np.concatenate([HALL, wall]), np.concatenate([HALL, aside]), VOXEL_M)
+    assert ways[0].share == pytest.approx(1.0)
+
+
+def test_a_row_of_equal_pillars_fits_a_pillar_further_on() -> None:
+    pillars = [outline([(x, 1.0), (x + 0.5, 1.0), (x + 0.5, 1.5), (x, 1.5)]) for x in np.arange(0.0, 60.0, 5.0)]
+    row = np.concatenate(pillars)
+    shifts = {
+        round(float(way.T[0, 3]) / 5.0)
+        for way in other_ways(row, row, VOXEL_M)
+        if abs(se3.yaw(way.T)) < 0.01 and abs(way.T[0, 3] % 5.0 - 2.5) > 1.9
+    }
+    assert shifts == {-1, 1}
+
+
 def test_without_points_nothing_fits() -> None:
     assert all_ways(np.zeros((0, 3)), HALL, VOXEL_M) == []
     assert other_ways(HALL, np.zeros((0, 3)), VOXEL_M) == []

@@ -72,6 +72,7 @@ FINE = RegistrationEvidence(inliers=500, inlier_ratio=0.9, agreement=0.99, rms_m
         ({"inlier_ratio": 0.3}, "only 0.30 of the structure matches, 0.40 needed", ""),
         ({"inlier_ratio": 0.2}, "only 0.20 of the structure", "only 0.20 of the structure matches, 0.25 needed"),
         ({"agreement": 0.92}, "free-space conflict: agreement 0.92, 0.94 needed", ""),
+        ({"agreement": 0.9396}, "free-space conflict: agreement 0.9396, 0.9400 needed", ""),
         ({"agreement": 0.5}, "free-space conflict", "free-space conflict: agreement 0.50, 0.90 needed"),
     ],
 )

@@ -79,6 +79,18 @@ def test_two_radios_side_by_side_are_two(caplog: pytest.LogCaptureFixture) -> No
     assert caplog.text == ""
 
 
+@pytest.mark.parametrize(("scale", "offset"), [(0.3048, 0.0), (1.0, 3.0)])
+def test_one_log_in_two_units_is_said(scale: float, offset: float, caplog: pytest.LogCaptureFixture) -> None:
+    log = heard()
+    other = WirelessLog(tuple(replace(m, range_m=scale * (m.range_m or 0) + offset) for m in log.measurements))
+    assert len(each_once([("alpha.bag", log), ("uwb.csv", other)]).measurements) == 100
+    said = (
+        f"alpha.bag and uwb.csv hold 50 measurements of alpha and beta at the same times, with ranges {scale:.4g} times"
+    )
+    assert said in caplog.text
+    assert f"{offset:.2f} m more in the second" in caplog.text
+
+
 def test_records_that_are_equal_count_once_without_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING)
     log = heard() + WirelessLog(headings=(Heading(START_NS, "alpha", 0.1, 0.05),))

@@ -64,6 +64,9 @@ def test_only_a_single_step_within_the_time_is_a_jump() -> None:
     leap = Trajectory("a", stamps_ns, se3.from_yaw(np.zeros(10), np.column_stack([x, 0 * x, 0 * x])))
     assert "jumps at 5.0 m/s, and is no faster than 1.0 m/s" in jump(leap, (4 * 10**9, 5 * 10**9))
     assert jump(leap, (6 * 10**9, 8 * 10**9)) == ""
+    uneven_ns = stamps_ns + 9 * 10**8 * (np.arange(10) == 4)
+    evenly = Trajectory("a", uneven_ns, se3.from_yaw(np.zeros(10), np.column_stack([np.arange(10.0), 0 * x, 0 * x])))
+    assert jump(evenly, (4 * 10**9, 5 * 10**9)) == ""
     faster = np.concatenate([np.arange(5.0), 4.0 + 5.0 * np.arange(1, 6)])
     drives = Trajectory("a", stamps_ns, se3.from_yaw(np.zeros(10), np.column_stack([faster, 0 * x, 0 * x])))
     assert jump(drives, (4 * 10**9, 5 * 10**9)) == ""

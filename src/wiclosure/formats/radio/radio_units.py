@@ -36,7 +36,7 @@ _TICKS: Mapping[TimeUnit, Epoch] = {"filetime": FILETIME, "dotnet": DOTNET}
 _TICK_NS = 100
 _SI_UNITS: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
 _LONGEST_STEP_S = 10.0  # between poses or scans in whole seconds, typically
-_DAY_S = 86_400.0
+_LONGEST_STEP_OF_DATES_S = 900.0  # nanoseconds of 1 kHz, read as milliseconds, are farther apart
 _UNITS_IN_CELLS: Mapping[str, TimeUnit] = {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
 _WITH_UNIT = re.compile(rf"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*({'|'.join(_UNITS_IN_CELLS)})")
 _FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
@@ -90,7 +90,7 @@ def stamp_unit_of_path(stamps: Sequence[str]) -> TimeUnit:
         return by_size
     step = statistics.median(int(after) - int(before) for before, after in pairwise(stamps))
     seconds = {unit: step * NANOSECONDS[unit] / 10**9 for unit in _SI_UNITS[_SI_UNITS.index(by_size) :]}
-    if date_unit_of(first) is not None and seconds[by_size] <= _DAY_S:
+    if date_unit_of(first) is not None and seconds[by_size] <= _LONGEST_STEP_OF_DATES_S:
         return by_size
     return next((unit for unit, step_s in seconds.items() if step_s < _LONGEST_STEP_S), by_size)
 

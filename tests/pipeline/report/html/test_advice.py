@@ -87,6 +87,9 @@ def test_sets_that_contradict_each_other_and_a_wrong_log_are_said_first(run_of: 
     )
     first, second = next_steps(result)[:2]
     assert first.startswith("alpha and beta: the map may be wrong. Compare both scans")
+    assert first.endswith("or measure more by radio between them.")
+    unfiltered = replace(result, metrics=result.metrics | {"filter": "none"})
+    assert next_steps(unfiltered)[0].endswith("or let the radio decide (--filter wiclosure).")
     assert second.startswith("alpha and beta: feet. wiclosure radio check")
     verdict = run_verdict(result.metrics, next_steps(result), doubts(result.solution))
     assert verdict["tone"] == "warn"
