@@ -83,7 +83,8 @@ class Window:
                 stderr=said,
                 start_new_session=True,
             )
-        if not _listens(self._port, process):
+        awaited = [self._port, self._web_port] if self._page else [self._port]  # one comes up after the other
+        if not all(_listens(port, process) for port in awaited):
             _end(process)
             words = log.read_text(errors="replace").split()
             shutil.rmtree(self._settings, ignore_errors=True)
