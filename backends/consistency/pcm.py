@@ -20,7 +20,7 @@ from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
 from wiclosure.blas import one_blas_thread
-from wiclosure.types import Closure, IntArray, Stage, Trajectory
+from wiclosure.types import BoolArray, Closure, IntArray, Stage, Trajectory
 
 _ONE_PLACE = 2  # closures that agree by being of the same place
 
@@ -158,7 +158,7 @@ def pairwise_consistent(
     of_pair_sets: defaultdict[tuple[int, int], list[CandidateSet]] = defaultdict(list)
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
-    reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions) for z in sets)
+    reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions, merged.inlier) for z in sets)
     of_both = decided_on.believed, decided_on.open
     jumps, left_open = (tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of) for of in of_both)
     return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open)
@@ -184,12 +184,13 @@ def _pair(closure_set: ClosureSet, team: TeamArrays) -> tuple[int, int]:
 
 
 def _report(
-    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision]
+    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision], inlier: BoolArray
 ) -> PairConsistency:
     """Of one pair of robots, or of one robot, from the sets found there, largest first."""
     sizes = [*map(len, found), 0, 0]
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
-    rival = max((len(c) for c in found if kept and c.objection and 2 * len(c) >= kept), default=0)
+    left_out = [int(np.count_nonzero(~inlier[c.rows])) for c in found if c.objection]  # others were accepted later
+    rival = max((n for n in left_out if kept and 2 * n >= kept), default=0)
     objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
         said = f"{kept} of {len(closure_set)} closures agree and are accepted"

@@ -133,6 +133,21 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 
+def test_closures_that_third_robots_settle_are_no_rival_of_themselves(team_maker):
+    """Neighbours of one place are objected to until third robots support them; nothing else contradicts them then."""
+    team, rng = team_maker(5, ("a", "b", "c"), noise=1.0), np.random.default_rng(5)
+    spread = [
+        team.closure((one, int(i)), (other, int(j)), noise=rng)
+        for one, other in (("a", "b"), ("b", "c"))
+        for i, j in rng.integers(0, 60, (12, 2))
+    ]
+    at_one_place = [team.closure(("a", 10 + n), ("c", 20 + n), noise=rng) for n in range(3)]
+    found = pairwise_consistent(spread + at_one_place, team.odometry, PcmSettings())
+    assert [pair.kept for pair in found.pairs] == [3, 12, 12]
+    assert found.doubts == ()
+    assert pairwise_consistent(at_one_place, team.odometry, PcmSettings()).pairs[0].kept == 0
+
+
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])
