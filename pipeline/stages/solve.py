@@ -74,14 +74,13 @@ def solve(
     )
     seconds = {**attempts.seconds, "optimisation": took["optimisation"]}
     seconds["filter"] += took["check"]
-    seconds["verification"] += took["rival maps"]
     return Solution(
         filtered=filtered,
         matched=found.attempt.matched,
         closures=closures,
         graph=found.graph,
         seconds=seconds,
-        seconds_spent=seconds | {"verification": attempts.took["verification"] + took["rival maps"]},
+        seconds_spent=seconds | {"verification": attempts.took["verification"]},
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
         doubts=doubts,
@@ -143,7 +142,7 @@ def _estimated(
         graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
         by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
-    with took.time("rival maps"):
+    with took.time("optimisation"):
         log = wireless if heard else WirelessLog()
         other_maps = _other_maps(attempts, attempt, checks, graph, log) if config.mutual_check.enabled else []
     return _Estimate(attempt, checks, rivals, consistent, graph, by_map, other_maps)
