@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
-from wiclosure.pipeline.mutual_check.pair_check import PairCheck
+from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck
 from wiclosure.pipeline.mutual_check.rival_maps import RivalMap, rival_maps
 from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
 from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
@@ -61,13 +61,7 @@ def solve(
     told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
     unsure = in_doubt(checks, found.graph.accepted)
     unsure_rivals = in_doubt(found.rivals, found.graph.accepted)
-    said_already = unsure | unsure_rivals | found.consistent.in_doubt
-    doubts = (
-        *found.consistent.doubts,
-        *(said for pair, said in told.items() if pair in unsure),
-        *(one.sentence for one in found.rivals if one.pair in unsure_rivals),
-        *(one.sentence for one in found.other_maps if not {one.pair, one.pair[::-1]} & said_already),
-    )
+    doubts = _doubts(found, told, unsure, unsure_rivals)
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
         *(said for pair, said in told.items() if pair not in unsure),
@@ -121,6 +115,24 @@ class _Estimate:
     graph: GraphResult
     by_map: AgainstMap
     other_maps: Sequence[RivalMap]
+
+
+def _doubts(found: _Estimate, told: Mapping[Pair, str], unsure: Set[Pair], unsure_rivals: Set[Pair]) -> tuple[str, ...]:
+    """Why the map may be wrong; of other maps only where nothing else is said of the two robots.
+
+    Args:
+        found: the estimate.
+        told: what closures and map tell of the radio.
+        unsure: robots of which that puts the map in doubt.
+        unsure_rivals: those of which sets of closures that contradict each other do.
+    """
+    said_already = unsure | unsure_rivals | found.consistent.in_doubt
+    return (
+        *found.consistent.doubts,
+        *(said for pair, said in told.items() if pair in unsure),
+        *(one.sentence for one in found.rivals if one.pair in unsure_rivals),
+        *(one.sentence for one in found.other_maps if not {one.pair, one.pair[::-1]} & said_already),
+    )
 
 
 def _estimated(
