@@ -21,7 +21,7 @@ from wiclosure.pipeline.mutual_check.odds import Agreement, Verdict, agrees_with
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, PairOutcome, agreeing, ends
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
 from wiclosure.pipeline.mutual_check.refused import judged_by, weigh_refused
-from wiclosure.pipeline.mutual_check.rival_sets import FEWEST
+from wiclosure.pipeline.mutual_check.rivals.sets import FEWEST
 from wiclosure.pipeline.mutual_check.set_evidence import NEAR_M, SetEvidence, places
 from wiclosure.types import (
     CandidatePairs,

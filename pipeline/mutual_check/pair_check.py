@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed, in_words
-from wiclosure.pipeline.mutual_check.rival_sets import MAY_BE_WRONG
+from wiclosure.pipeline.mutual_check.rivals.sets import MAY_BE_WRONG
 from wiclosure.types import CandidatePairs, Closure, KeyframeId
 
 Pair = tuple[str, str]

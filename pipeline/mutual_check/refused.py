@@ -16,7 +16,7 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome, agreeing, ends
 from wiclosure.pipeline.mutual_check.radio_evidence import PairRadio
-from wiclosure.pipeline.mutual_check.rival_sets import FEWEST, RivalSets, told_apart
+from wiclosure.pipeline.mutual_check.rivals.sets import FEWEST, RivalSets, told_apart
 from wiclosure.types import Closure, PredictionKind, Stage, Trajectory, survivors
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
-from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
+from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
 from wiclosure.types import Closure, FilterResult, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.faults.diagnosis import between

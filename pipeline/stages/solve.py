@@ -19,8 +19,8 @@ from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck
-from wiclosure.pipeline.mutual_check.rival_maps import RivalMap, rival_maps
-from wiclosure.pipeline.mutual_check.rival_sets import RivalSets, weigh_rivals, without_lost
+from wiclosure.pipeline.mutual_check.rivals.maps import RivalMap, rival_maps
+from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets, weigh_rivals, without_lost
 from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch

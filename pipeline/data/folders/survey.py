@@ -12,7 +12,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from wiclosure.errors import InputError, WiclosureError
-from wiclosure.formats.text_table import TextTable, is_number, open_table
+from wiclosure.formats.text_cells import is_number
+from wiclosure.formats.text_table import TextTable, open_table
 from wiclosure.formats.trajectories.pose_columns import pose_columns
 from wiclosure.formats.trajectories.trajectory_file import read_trajectory, trajectory_kind
 from wiclosure.pipeline.data.dataset_file import DATASET_FILE

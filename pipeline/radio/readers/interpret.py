@@ -8,7 +8,7 @@ from statistics import median
 
 from wiclosure.errors import InputError
 from wiclosure.formats.stamps import few_digits
-from wiclosure.formats.text_table import is_number
+from wiclosure.formats.text_cells import is_number
 from wiclosure.pipeline.radio.readers.account import (
     ANCHOR,
     DEGREES,

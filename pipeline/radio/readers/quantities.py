@@ -21,7 +21,7 @@ from wiclosure.formats.radio.radio_units import (
     unit_in_cell,
 )
 from wiclosure.formats.radio.wireless_log import DEFAULT_RANGE_SIGMA_M
-from wiclosure.formats.text_table import is_number, number_of
+from wiclosure.formats.text_cells import is_number, number_of
 from wiclosure.pipeline.radio.readers.account import DEGREES, LIMITS, Account
 from wiclosure.pipeline.radio.readers.rows import ReceivedAt, Values
 from wiclosure.pipeline.radio.source import RadioSource

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.name_pattern import NamePattern
-from wiclosure.formats.text_table import JSON, SPACE, TextTable, is_number, open_table, with_decimal_point
+from wiclosure.formats.text_cells import JSON, SPACE, is_number, with_decimal_point
+from wiclosure.formats.text_table import TextTable, open_table
 from wiclosure.pipeline.radio.readers.column_names import guessed_fields
 from wiclosure.pipeline.radio.readers.digit_groups import marks_between_groups
 from wiclosure.pipeline.radio.readers.rows import Row

@@ -12,7 +12,8 @@ import numpy as np
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_rows
 from wiclosure.formats.radio.radio_units import stamp_ns
-from wiclosure.formats.text_table import number_of, open_table
+from wiclosure.formats.text_cells import number_of
+from wiclosure.formats.text_table import open_table
 from wiclosure.pipeline.sources.navigation.gnss_topics import GNSS_BOUNDS, UNKNOWN_SIGMA_M
 from wiclosure.pipeline.sources.navigation.imu_topics import FASTEST_RAD_S, STRONGEST_M_S2
 from wiclosure.types import FloatArray, GnssLog, ImuLog, IntArray

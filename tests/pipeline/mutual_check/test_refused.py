@@ -16,7 +16,7 @@ from wiclosure.pipeline.mutual_check.refused import weigh_refused
 from wiclosure.types import CandidatePairs, Closure, Stage, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 
-from .test_rival_sets import closures, log, team
+from .rivals.test_sets import closures, log, team
 
 __all__ = ["log", "team"]  # fixtures
 

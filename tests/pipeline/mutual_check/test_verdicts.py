@@ -10,7 +10,7 @@ import pytest
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck
-from wiclosure.pipeline.mutual_check.rival_sets import RivalSets
+from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets
 from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
 from wiclosure.types import (
     Closure,

@@ -10,7 +10,7 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.rival_maps import RivalMap, rival_maps
+from wiclosure.pipeline.mutual_check.rivals.maps import RivalMap, rival_maps
 from wiclosure.pipeline.runtime.progress import NoProgress
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses

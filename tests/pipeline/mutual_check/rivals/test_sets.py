@@ -11,7 +11,7 @@ import pytest
 from wiclosure import se3
 from wiclosure.backends.consistency.pcm import pairwise_consistent
 from wiclosure.pipeline.config import Config
-from wiclosure.pipeline.mutual_check.rival_sets import weigh_rivals, without_lost
+from wiclosure.pipeline.mutual_check.rivals.sets import weigh_rivals, without_lost
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Closure, KeyframeId, Stage, Trajectory, WirelessLog, WirelessMeasurement
 

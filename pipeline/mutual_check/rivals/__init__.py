@@ -1,0 +1,1 @@
+"""Sets of closures, and merged maps, that contradict each other, as where places look alike."""
