@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from wiclosure.errors import InputError
-from wiclosure.formats.text_table import SPACE, is_number, number_of, open_table, with_decimal_point
+from wiclosure.formats.text_cells import SPACE
+from wiclosure.formats.text_table import open_table
 
 
 @pytest.mark.parametrize(
@@ -51,14 +52,6 @@ def test_names_for_a_table_without_any(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1 2\n3 4\n")
     table = open_table(tmp_path / "a", names=["t", "d"])
     assert [line for line, _ in table.rows()] == [1, 2]
-
-
-def test_numbers() -> None:
-    assert number_of("1,5") == 1.5
-    assert with_decimal_point("1,5") == "1.5"
-    assert not is_number("1_1")
-    with pytest.raises(ValueError, match="no number"):
-        number_of("1_1")
 
 
 @pytest.mark.parametrize("content", [b"", b"\n\n# nothing\n", b"\x89PNG\r\n\x1a\n\xff\x00"])

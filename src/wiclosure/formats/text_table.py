@@ -14,25 +14,18 @@ from itertools import islice
 from pathlib import Path
 
 from wiclosure.errors import InputError
-from wiclosure.formats.structured_text import parse_json
+from wiclosure.formats.text_cells import JSON, SPACE, cells_of, empty_at_end, is_number, json_cells
 
 logger = logging.getLogger(__name__)
 
-_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _SAMPLE_LINES = 50
 _ZIP = b"PK\x03\x04"  # what .xlsx and .ods begin with
 _SAMPLE_BYTES = 65_536
 _MOST_LINES = 2000  # among which so many lines of the table are looked for
 _DELIMITERS = ("\t", ";", ",", "|")
-SPACE = " "
-"""The delimiter that stands for any white space."""
-JSON = "{"
-"""The delimiter that stands for a JSON object a line."""
 _REMARK = re.compile(r"\s*(#|%|//|;)+\s*")
 _ABSENT = {"", "-", "na", "n/a", "none", "null"}
 _UNITS = {"m", "mm", "cm", "ft", "in", "s", "ms", "us", "ns", "sec", "rad", "deg"}
-_LONGEST = 100  # characters of a cell that is too long for any measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +63,10 @@ class TextTable:
 
     def _row(self, line: str) -> list[str]:
         if self.delimiter == JSON:
-            found = _json_cells(line)
+            found = json_cells(line)
             return [found.get(column, "") for column in self.columns] if found else [line.strip()]
-        cells = _cells(line, self.delimiter)
-        return cells[: max(len(self.columns), len(cells) - _empty_at_end(cells))]
+        cells = cells_of(line, self.delimiter)
+        return cells[: max(len(self.columns), len(cells) - empty_at_end(cells))]
 
 
 def open_table(
@@ -96,10 +89,10 @@ def open_table(
     content = [(number, line) for number, line in head if not line.lstrip().startswith("#")]
     if not content:
         raise InputError(f"{path} holds no rows; expected a table of measurements, one a line")
-    if delimiter is None and content[0][1].lstrip().startswith(JSON) and (keys := _json_cells(content[0][1])):
+    if delimiter is None and content[0][1].lstrip().startswith(JSON) and (keys := json_cells(content[0][1])):
         return TextTable(path, tuple(keys), JSON, True, content[0][0], encoding)
     delimiter = delimiter or _delimiter([line for _, line in content])
-    lines = [(number, _cells(line, delimiter)) for number, line in content]
+    lines = [(number, cells_of(line, delimiter)) for number, line in content]
     start = _start([cells for _, cells in lines])
     if not _measures([cells for _, cells in lines[start:]]):
         raise InputError(f"{path} is text without rows of numbers; expected a table of measurements, one a line")
@@ -130,7 +123,7 @@ def _named(
     if _names_columns(first, body) or set(first) & set(expected):
         units = tuple(body[0]) if body and _are_units(body[0], len(first)) else ()
         return TextTable(path, tuple(first), delimiter, True, number + 1 + bool(units), encoding, _plain(units))
-    remarks = [_cells(_REMARK.sub("", line, count=1).strip(), delimiter) for line in before if _REMARK.match(line)]
+    remarks = [cells_of(_REMARK.sub("", line, count=1).strip(), delimiter) for line in before if _REMARK.match(line)]
     named = [cells for cells in remarks if len(cells) == len(first) and not any(map(is_number, cells))]
     if named:
         units = tuple(named.pop()) if len(named) > 1 and _are_units(named[-1], len(first)) else ()
@@ -155,13 +148,8 @@ def _start(lines: Sequence[Sequence[str]]) -> int:
     width, times = Counter(map(len, lines)).most_common(1)[0]
     if times < len(lines) / 2:
         return 0
-    empty = min(_empty_at_end(cells) for cells in lines if len(cells) == width)
+    empty = min(empty_at_end(cells) for cells in lines if len(cells) == width)
     return next(n for n, cells in enumerate(lines) if width - empty <= len(cells) <= width)
-
-
-def _empty_at_end(cells: Sequence[str]) -> int:
-    """How many cells at the end of a row are empty."""
-    return next((n for n, cell in enumerate(reversed(cells)) if cell), len(cells))
 
 
 def _measures(lines: Sequence[Sequence[str]]) -> bool:
@@ -197,68 +185,15 @@ def _plain(units: Sequence[str]) -> tuple[str, ...]:
     return tuple(unit.strip("[]()").casefold() for unit in units)
 
 
-def _json_cells(line: str) -> dict[str, str]:
-    """The values of a JSON object by their paths, as `header.stamp`; empty where it is none."""
-    try:
-        content = parse_json(line)
-    except InputError:
-        return {}
-    found: dict[str, str] = {}
-    waiting = [("", content)]
-    while waiting:
-        path, value = waiting.pop()
-        if isinstance(value, dict):
-            waiting += [(f"{path}.{key}" if path else str(key), inner) for key, inner in reversed(value.items())]
-        elif path:
-            found[path] = "" if value is None else str(value)
-    return found
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell reads as a number (Python's own `1_1` does not)."""
-    return _NUMBER.fullmatch(cell) is not None
-
-
-def number_of(cell: str) -> float:
-    """The number in a cell; a comma may stand for the decimal point.
-
-    Raises:
-        ValueError: no number.
-    """
-    if not is_number(cell):
-        raise ValueError(f"{cell[:40]!r} is no number")
-    return float(cell.replace(",", "."))
-
-
-def with_decimal_point(cell: str) -> str:
-    """The cell, a decimal comma in it replaced."""
-    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
-
-
 def _delimiter(lines: Sequence[str]) -> str:
     """The one that cuts most lines into equally many cells, more than one; else white space."""
     best, best_share = SPACE, 0.0
     for delimiter in _DELIMITERS:
-        counts = Counter(len(_cells(line, delimiter)) for line in lines)
+        counts = Counter(len(cells_of(line, delimiter)) for line in lines)
         width, times = counts.most_common(1)[0]
         if width > 1 and times / len(lines) > max(best_share, 0.5):
             best, best_share = delimiter, times / len(lines)
     return best
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    line = line.rstrip("\r\n")
-    if delimiter == SPACE:
-        return line.split()
-    try:
-        cells = next(csv.reader([line], delimiter=delimiter), [])
-    except csv.Error:  # a cell of more than 131,072 characters, which is nothing measured
-        cells = [cell[:_LONGEST] for cell in line.split(delimiter)]
-    return [_unquoted(cell.strip()) for cell in cells]
-
-
-def _unquoted(cell: str) -> str:
-    return cell[1:-1] if len(cell) > 1 and cell[0] == cell[-1] == "'" else cell
 
 
 def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:

@@ -16,7 +16,8 @@ from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import LATEST_NS, LONGEST_QUATERNION, plausible_path
 from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of
-from wiclosure.formats.text_table import encoding_of, is_number
+from wiclosure.formats.text_cells import is_number
+from wiclosure.formats.text_table import encoding_of
 from wiclosure.formats.trajectories.pose_columns import line_of_names, pose_columns
 from wiclosure.types import Trajectory
 

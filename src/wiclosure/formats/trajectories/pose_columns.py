@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from wiclosure.errors import InputError
-from wiclosure.formats.text_table import is_number
+from wiclosure.formats.text_cells import is_number
 
 POSE = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 _FRACTION = {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}

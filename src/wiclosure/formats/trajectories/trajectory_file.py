@@ -9,7 +9,8 @@ from typing import Literal, TypeAlias
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_path
-from wiclosure.formats.text_table import encoding_of, is_number
+from wiclosure.formats.text_cells import is_number
+from wiclosure.formats.text_table import encoding_of
 from wiclosure.formats.trajectories.euroc import is_euroc, read_euroc
 from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses
 from wiclosure.formats.trajectories.tum import read_tum

@@ -24,7 +24,8 @@ from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
 from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of_path
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
-from wiclosure.formats.text_table import encoding_of, is_number
+from wiclosure.formats.text_cells import is_number
+from wiclosure.formats.text_table import encoding_of
 from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
