@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from wiclosure.backends.consistency.clique import chi_square_limit, largest_cliq
 from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.consistency.odometry_jumps import merge_despite_jumps
 from wiclosure.backends.consistency.pair_report import PairConsistency
+from wiclosure.backends.consistency.unchecked_loops import unchecked
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.backends.sets.candidate_sets import CandidateSet
@@ -36,6 +37,7 @@ class PcmResult:
         basis: the estimate that the decisions rest on, where `method: groups` made one.
         jumps: steps of odometry that closures contradict, which are not believed.
         open_jumps: those that would explain what closures say as well as false closures do; odometry is believed.
+        unchecked: share of loops at any places that would be accepted within a robot, by robot of which that is most.
     """
 
     closures: tuple[Closure, ...]
@@ -44,6 +46,7 @@ class PcmResult:
     basis: tuple[TeamArrays, MergedGroups] | None = None
     jumps: tuple[OdometryJump, ...] = ()
     open_jumps: tuple[OdometryJump, ...] = ()
+    unchecked: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def odometry_factors(self) -> dict[str, float]:
@@ -64,9 +67,14 @@ class PcmResult:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A sentence for two sets of closures that contradict each other, one accepted, and for what may be a jump."""
+        """Sentences for sets of closures that contradict each other, one accepted, jumps, loops that nothing checks."""
         of_pairs = tuple(pair.doubt for pair in self.pairs if pair.doubt)
-        return (*of_pairs, *(jump.doubt for jump in self.open_jumps))
+        of_loops = tuple(
+            f"{robot}: the map may be wrong: closures within its path are accepted, but its odometry is taken so"
+            f" vaguely that {share:.0%} of false ones would be too; state its covariances"
+            for robot, share in self.unchecked.items()
+        )
+        return (*of_pairs, *(jump.doubt for jump in self.open_jumps), *of_loops)
 
     @property
     def in_doubt(self) -> set[tuple[str, str]]:
@@ -150,7 +158,8 @@ def pairwise_consistent(
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     predicted = np.array([c.prediction is not None or row in supported for row, c in enumerate(closures)])
     team = TeamArrays.of(trajectories, sets, predicted)
-    decided_on = merge_despite_jumps(team.robots, merge_settings(settings, team.robots.degrees))
+    of_merge = merge_settings(settings, team.robots.degrees)
+    decided_on = merge_despite_jumps(team.robots, of_merge)
     merged = decided_on.merged
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
@@ -161,7 +170,9 @@ def pairwise_consistent(
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions, merged.inlier) for z in sets)
     of_both = decided_on.believed, decided_on.open
     jumps, left_open = (tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of) for of in of_both)
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open)
+    vague = unchecked(team.robots, merged, of_merge)
+    of_names = {team.names[robot]: share for robot, share in vague.items()}
+    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open, of_names)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:

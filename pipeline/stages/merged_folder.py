@@ -42,6 +42,7 @@ class MergedSummary(TypedDict):
     sigma_scale: float
     ignored: dict[str, int]
     seconds: float
+    doubts: list[str]
     diagnosis: list[str]
 
 
@@ -84,6 +85,7 @@ def summary(merged: MergedGraphs) -> MergedSummary:
         sigma_scale=merged.consistent.scale,
         ignored=dict(merged.team.ignored),
         seconds=round(merged.seconds, 3),
+        doubts=list(merged.consistent.doubts),
         diagnosis=list(merged.diagnosis),
     )
     if (labels := _label_scores(merged)) is not None:

@@ -76,7 +76,10 @@ def _verdict(merged: MergedGraphs) -> dict[str, Any]:
     joined = f"{accepted} of {counted_noun(len(graph.closures), 'closure')} accepted"
     if len(graph.components) == 1:
         together = "One robot" if robots == 1 else f"All {robots} robots in one frame"
-        return {"tone": "good", "sentence": f"{together}; {joined}.", "next": [], "notes": list(merged.diagnosis)}
+        doubts = list(merged.consistent.doubts)
+        sentence = f"{together}; {joined}{'; the map may be wrong' if doubts else ''}."
+        tone = "warn" if doubts else "good"
+        return {"tone": tone, "sentence": sentence, "next": doubts, "notes": list(merged.diagnosis)}
     groups = "; ".join(listed(component) for component in graph.components)
     steps = [
         "Look below why the closures between the groups were rejected. If there are none, the files hold no edge"

@@ -14,6 +14,7 @@ FOUND = {
     "sigma_scale": 1.0,
     "ignored": {"FIX": 2},
     "seconds": 0.25,
+    "doubts": [],
     "diagnosis": ["a and b [2]: 1 of 3 closures agree"],
 }
 REJECTED = {

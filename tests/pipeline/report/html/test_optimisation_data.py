@@ -9,6 +9,7 @@ import pytest
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.report.html import write_optimisation_report
 from wiclosure.pipeline.report.html.page import read_page
+from wiclosure.pipeline.stages.merged_folder import summary
 from wiclosure.pipeline.stages.optimising import MergedGraphs, merge_graphs
 
 FIRST = 100
@@ -61,3 +62,18 @@ def test_robots_that_nothing_joins(tmp_path: Path) -> None:
     assert run["verdict"]["tone"] == "bad"
     assert "not all connected (a; b)" in run["verdict"]["sentence"]
     assert [robot["connected"] for robot in run["robots"]] == [True, False]
+
+
+def test_a_map_in_doubt_is_said_to_be_so_first(tmp_path: Path) -> None:
+    path = tmp_path / "graph.g2o"
+    vague = [row.replace(INFORMATION, INFORMATION.replace("100", "0.01")) for row in line("a", 0.0, 40)]
+    ends = [(key("a", FIRST + n), key("a", FIRST + n + 20)) for n in (3, 9)]
+    loops = [f"EDGE_SE3:QUAT {i} {j} 20 0 0 0 0 0 1 {INFORMATION}" for i, j in ends]
+    path.write_text("\n".join([*vague, *loops]) + "\n")
+    merged = merge_graphs([path], load_config())
+    (doubt,) = summary(merged)["doubts"]
+    assert doubt.startswith("a: the map may be wrong: closures within its path are accepted")
+    write_optimisation_report(tmp_path, merged, load_config())
+    verdict = read_page(tmp_path / "report.html")["runs"][0]["verdict"]
+    assert (verdict["tone"], verdict["next"]) == ("warn", [doubt])
+    assert verdict["sentence"] == "One robot; 2 of 2 closures accepted; the map may be wrong."
