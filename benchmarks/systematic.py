@@ -1,6 +1,7 @@
 """The filter under systematic errors: how often it calls an alignment certain that is wrong.
 
     python benchmarks/systematic.py [--trials 30] [--faults clocks,mirror] [--worlds aisle,site] [--seed 1]
+        [--first-trial 10] [--record outcomes.jsonl]
 
 One fault at a time (`systematic_faults.py`), in worlds of their own (`systematic_worlds.py`).  Counted as *certain and
 wrong*: the filter calls the alignment certain, it is off by more than 4 m or 25 degrees at the middle of the meeting,
@@ -9,18 +10,25 @@ the pairs of a few alignments that are possible are kept, and *lost* counts thos
 pairs.  *Tellable*: logs in which the paths tell the fault at all (`systematic_telling.py`); *told*: of these, those in
 which a sentence of the diagnosis says what the fault seems to be; *named*: the same of all logs; *listed*: of all logs,
 those in which one says at least that it would fit as well.
+
+Each trial is drawn on its own, by seed, world and number.  With `--record`, outcomes of trials are written to a file as
+they come, and those that are in it are counted without being run: of one version of the filter.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from systematic_faults import FAULTS, Case, Fault
 from systematic_telling import tellable
 from systematic_unseen import UNSEEN
 from systematic_worlds import WORLDS, World, drifted, listen, wrap
+from trial_records import TrialRecords
 
 from wiclosure import se3
 from wiclosure.types import CandidatePairs, FilterResult, FloatArray, FrameAlignment, PredictionKind
@@ -46,6 +54,11 @@ class Score:
     crashed: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
+    def add(self, other: Score) -> None:
+        """Counts other trials as well."""
+        for one in fields(self):
+            setattr(self, one.name, getattr(self, one.name) + getattr(other, one.name))
+
     def row(self, fault: Fault) -> str:
         """As the table shows it."""
         told = f"{'-':>9} {'-':>5} {'-':>6} {'-':>6}"
@@ -53,7 +66,7 @@ class Score:
             told = f"{self.tellable:9d} {self.told:5d} {self.named:6d} {self.listed:6d}"
         return (
             f"{fault.name:28} {self.certain:8d} {self.wrong:6d} {fault.goal:5d} {self.pruned:7d} {self.lost:5d} {told}"
-            f" {1000 * self.seconds / self.trials:6.0f}  {self.pairs}"
+            f" {1000 * self.seconds / max(self.trials, 1):6.0f}  {self.pairs}"
         )
 
 
@@ -116,34 +129,45 @@ def _off(
     return float(np.linalg.norm(offset)), yaw, chi2
 
 
+def run(world: str, fault: Fault, seed: int, trial: int) -> dict[str, Any]:
+    """The score of one trial of a fault in a world, drawn by its seed and number."""
+    score = Score()
+    rng = np.random.default_rng([seed, list(WORLDS).index(world), trial])
+    where = WORLDS[world](fault.robots, rng)
+    case = make(where, fault, rng)
+    tells = bool(fault.words) and tellable(where, fault, rng)
+    try:
+        result = WiClosureFilter().candidates(case.odometry, case.log)
+        count_outcome(case, result, fault, score, tells=tells)
+    except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
+        score.crashed.append(f"{world} {trial}: {error!r}")
+    return asdict(score)
+
+
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=30, help="in each world")
+    parser.add_argument("--first-trial", type=int, default=0, help="number of the first one")
     parser.add_argument("--faults", default="", help="only those whose name holds one of these words, comma separated")
     parser.add_argument("--unseen", action="store_true", help="faults that no correction knows, instead")
     parser.add_argument("--worlds", default=",".join(WORLDS))
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--record", type=Path, help="file of outcomes to go on from, one line a trial")
     arguments = parser.parse_args()
     words = [word for word in arguments.faults.split(",") if word]
     columns = "fault:28 certain:8 wrong:6 goal:5 pruned:7 lost:5 tellable:9 told:5 named:6 listed:6 ms:6"
     heads = (column.split(":") for column in columns.split())
     print(" ".join(f"{name:{'' if name == 'fault' else '>'}{width}}" for name, width in heads), " of pairs")
+    records, seed = TrialRecords(arguments.record), arguments.seed
     for fault in UNSEEN if arguments.unseen else FAULTS:
         if words and not any(word in fault.name for word in words):
             continue
         score = Score()
         for world in arguments.worlds.split(","):
-            for trial in range(arguments.trials):
-                rng = np.random.default_rng([arguments.seed, list(WORLDS).index(world), trial])
-                where = WORLDS[world](fault.robots, rng)
-                case = make(where, fault, rng)
-                tells = bool(fault.words) and tellable(where, fault, rng)
-                try:
-                    result = WiClosureFilter().candidates(case.odometry, case.log)
-                    count_outcome(case, result, fault, score, tells=tells)
-                except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
-                    score.crashed.append(f"{world} {trial}: {error!r}")
+            for trial in range(arguments.first_trial, arguments.first_trial + arguments.trials):
+                key = f"{fault.name}, {world}, seed {seed}, trial {trial}"
+                score.add(Score(**records.outcome(key, partial(run, world, fault, seed, trial))))
         print(score.row(fault), flush=True)
         for crash in score.crashed:
             print("   crashed:", crash)

@@ -30,6 +30,7 @@ from wiclosure.wiclosure_filter.faults import witnesses
 from wiclosure.wiclosure_filter.faults.cycles import Cycles
 from wiclosure.wiclosure_filter.faults.diagnosis import with_fault
 from wiclosure.wiclosure_filter.faults.outside import clocks_in_doubt
+from wiclosure.wiclosure_filter.faults.reflected import reflections_in_doubt
 from wiclosure.wiclosure_filter.faults.team import NameOrders
 from wiclosure.wiclosure_filter.faults.who_slipped import Slips
 from wiclosure.wiclosure_filter.faults.whole_log import outvoted, without_refuted
@@ -159,6 +160,8 @@ class WiClosureFilter:
                 links[pair] = self.gather(*fault.apply((trajectories, wireless))).by_pair[pair]
                 corrected = align(links[pair], trajectories, settings)
                 alignments[pair] = replace(corrected, corrections=(fault.fault,))
+        hidden = reflections_in_doubt(alignments, faults, settings.guard)
+        alignments |= {pair: alignments[pair].doubted(reason) for pair, reason in hidden.items()}
         alignments |= Slips(alignments, links, trajectories).told()
         clocks = clocks_in_doubt(alignments, links, trajectories, wireless, settings)
         return links, alignments | {pair: alignments[pair].doubted(reason) for pair, reason in clocks.items()}

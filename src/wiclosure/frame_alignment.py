@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 
 from wiclosure import se3
 from wiclosure.arrays import FloatArray, IntArray
@@ -77,6 +78,8 @@ class FrameAlignment:
         bent_ns: between which times at a they bend it most, or tell another alignment; None where nothing tells.
         slipped: whether odometry slipped then, or a robot was moved: links before and after tell an alignment each.
         slipped_robot: which of the two it was, or an empty string where nothing tells.
+        log_image: natural logarithm of how much likelier b's image in a wall makes what was measured than b; -inf
+            where that was not weighed.
     """
 
     robot_a: str
@@ -98,6 +101,7 @@ class FrameAlignment:
     bent_ns: tuple[int, int] | None = None
     slipped: bool = False
     slipped_robot: str = ""
+    log_image: float = -inf
 
     @property
     def only_blunders(self) -> bool:

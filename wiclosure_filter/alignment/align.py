@@ -89,6 +89,7 @@ def _reported(chosen: _Chosen, links: Links, knowledge: str, settings: Alignment
         strain=0.0 if chosen.best.frames is None else chosen.best.frames.strain.squared,
         bent_ns=chosen.bent_ns,
         strain_probability=chosen.best.strain_probability(settings.drift_inflation),
+        log_image=chosen.log_image,
     )
 
 
@@ -105,6 +106,7 @@ class _Chosen:
         support: what carries it.
         likely: whether the different ones are the only others that are likely.
         bent_ns: when odometry slips, if it does.
+        log_image: see `FrameAlignment`.
     """
 
     best: Followed
@@ -115,6 +117,7 @@ class _Chosen:
     support: str
     likely: bool
     bent_ns: tuple[int, int] | None
+    log_image: float
 
     @classmethod
     def of(
@@ -152,6 +155,7 @@ class _Chosen:
             support(best.explanation, best.mixture),
             only_blunders or (few and not (extraordinary or misfit or slip)),
             second.bent_ns if second is not None and second.slip else best.bent_ns,
+            -np.inf if indistinct is None else indistinct.log_image,
         )
 
 
@@ -247,19 +251,20 @@ class _Peaks:
 
 @dataclass(frozen=True, eq=False)
 class _Indistinct:
-    """Blunders that would fit as well as the best alignment: a sentence, and the alignment under each.
+    """Blunders that would fit as well as the best alignment: a sentence, or empty, and the alignment under each.
 
-    Of none where it may all be a reflection, which tells no place.
+    Of none where it may all be a reflection, which tells no place; `log_image` is how much likelier that makes it.
     """
 
     sentence: str
     hypotheses: tuple[AlignmentHypothesis, ...]
+    log_image: float
 
     @classmethod
     def of(
         cls, best: Followed, found: AnchoredPeaks, links: Links, odometry: PairOdometry, guard: AmbiguitySettings
     ) -> _Indistinct | None:
-        """None where no blunder would, the best alignment was not followed, or has no bearings."""
+        """None where the best alignment was not followed, or has no bearings."""
         frames, observations = best.frames, found.mixture.observations
         if frames is None or not observations.has_bearing.any():
             return None
@@ -267,11 +272,10 @@ class _Indistinct:
         blunders = Blunders.of(frames.w, frames.yaw, links, odometry, *told)
         likely = blunders.likely(guard.same_place_fraction * observations.typical_distance_m, guard.min_odds)
         objection = blunders.objection(likely, guard.min_odds)
-        if not objection:
-            return None
-        if blunders.image_odds * guard.min_odds >= 1.0:
-            return cls(objection, ())
-        return cls(objection, tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely))
+        if not objection or blunders.image_odds * guard.min_odds >= 1.0:
+            return cls(objection, (), blunders.log_image)
+        hypotheses = tuple(blunders.hypothesis(rows[0], best.hypothesis) for rows in likely)
+        return cls(objection, hypotheses, blunders.log_image)
 
 
 def _in_space(found: AnchoredPeaks, links: Links, settings: AlignmentSettings) -> _Chosen:

@@ -34,7 +34,7 @@ _AGREES, _MOST, _RESERVE = 0.5, 50.0, 0.1
 _REFUTED = 3.0  # natural logarithm of the odds up to which noise, not geometry, speaks against a reading
 _UNKNOWN_M2 = 1e8  # variance of what was not measured
 _TURNED_RAD = float(np.radians(20.0))
-_RARE, _USUAL, _REFLECTED = 0.005, 0.02, 0.03  # shares of logs; the last of walls that hide b throughout
+_RARE, USUAL, REFLECTED = 0.005, 0.02, 0.03  # shares of logs; the last of walls that hide b throughout
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Blunder:
     """
 
     clause: str
-    prior: float = _USUAL
+    prior: float = USUAL
     sign: float = 1.0
     offset_rad: float = 0.0
     range_scale: float = 1.0
@@ -76,7 +76,7 @@ BLUNDERS = (
     Blunder("the robots' names were swapped", swapped=True, compasses=False),
     Blunder("a compass was off", compasses=False),
 )
-_IMAGE = Blunder("all of it was heard by a reflection", _REFLECTED, image=True, compasses=False)
+_IMAGE = Blunder("all of it was heard by a reflection", REFLECTED, image=True, compasses=False)
 _NONE = Blunder("", 1.0)
 
 
@@ -150,6 +150,11 @@ class Blunders:
     def image_odds(self) -> float:
         """Of an image in a wall that hides b throughout, against none."""
         return float(self.odds[-1])
+
+    @property
+    def log_image(self) -> float:
+        """Natural logarithm of how much likelier such an image makes the measurements, however rare it is."""
+        return float(np.log(self.image_odds / REFLECTED))
 
     def likely(self, same_place_m: float, min_odds: float) -> tuple[tuple[int, ...], ...]:
         """Blunders that put b elsewhere and fit as well, by the place where they put it, the likeliest first.

@@ -40,6 +40,7 @@ class Correction:
         slip: true where links before and after are to be aligned on their own instead.
         of_log: true where the log alone is corrected; odometry that is wrong must be corrected where it is made.
         leaves_out: true where measurements are left out: what is left need not tell an alignment.
+        mirrored: true where a robot moves as in a mirror, as its image in a wall does too.
     """
 
     fault: str
@@ -50,6 +51,7 @@ class Correction:
     whole_log: bool = False
     slip: bool = False
     leaves_out: bool = False
+    mirrored: bool = False
 
 
 def corrections(robot_a: str, robot_b: str, log: WirelessLog) -> list[Correction]:
@@ -219,6 +221,7 @@ def _of_odometry(robot: str) -> list[Correction]:
         f"odometry of {robot} seems to have y to the right (left-handed axes, or NED), not to the left",
         lambda inputs: _moved(inputs, robot, _mirrored),
         of_log=False,
+        mirrored=True,
     )
     return [mirrored, *(_scaled(robot, factor) for factor in _SCALES)]
 

@@ -39,7 +39,7 @@ class PriorErrors:
 
     Args:
         value: `(7,)` taken out of the links already.
-        sigma: `(7,)` of the prior; of a range bias of which the measurements tell nothing, that of a blunder.
+        sigma: `(7,)` of the prior; of a range bias, that of a blunder: only measurements vouch for its size.
     """
 
     value: FloatArray
@@ -51,9 +51,9 @@ def errors_of(alignment: FrameAlignment) -> PriorErrors | None:
     if not alignment.calibration:
         return None
     value, sigma = np.array([(one.value, one.held_sigma) for one in alignment.calibration]).T
-    bias = alignment.calibration[BIAS]
-    if not bias.told:  # an antenna delay that nobody calibrated moves b by as much, and no alignment stands for it
-        sigma[BIAS] = bias.blunder_sigma
+    # An antenna delay that nobody calibrated moves b by as much, and no alignment stands for it: where the measurements
+    # tell it to a metre or two, a usual one explains them nearly as well, and would vouch for being right.
+    sigma[BIAS] = alignment.calibration[BIAS].blunder_sigma
     return PriorErrors(value, sigma)
 
 
