@@ -136,11 +136,15 @@ class Blunders:
     @property
     def odds(self) -> FloatArray:
         """`(H,)` of each against none; a blunder that geometry does not refute is not held to fit worse by chance."""
-        prior = np.array([reading.prior for reading in self.readings])
+        return np.asarray(np.array([reading.prior for reading in self.readings]) * np.exp(self._log_factor))
+
+    @property
+    def _log_factor(self) -> FloatArray:
+        """`(H,)` natural logarithm of the same, however rare each is."""
         gained = (self.chi2[0] - self.chi2) / 2
         excused = (gained > -_REFUTED) & np.array([not reading.image for reading in self.readings])
         gained = np.where(excused, np.maximum(gained, 0.0), gained) + self.log_compass - self.log_compass[0]
-        return np.asarray(prior * np.exp(np.minimum(gained, _MOST)))
+        return np.asarray(np.minimum(gained, _MOST))
 
     def apart_m(self, row: int) -> FloatArray:
         """`(H,)` mean distance of b's path under each blunder from where another one puts it."""
@@ -154,7 +158,7 @@ class Blunders:
     @property
     def log_image(self) -> float:
         """Natural logarithm of how much likelier such an image makes the measurements, however rare it is."""
-        return float(np.log(self.image_odds / REFLECTED))
+        return float(self._log_factor[-1])
 
     def likely(self, same_place_m: float, min_odds: float) -> tuple[tuple[int, ...], ...]:
         """Blunders that put b elsewhere and fit as well, by the place where they put it, the likeliest first.

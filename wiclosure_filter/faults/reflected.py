@@ -21,7 +21,6 @@ from wiclosure.wiclosure_filter.faults.corrections import Correction
 RobotPair: TypeAlias = tuple[str, str]
 
 _SHARES = (np.arange(100) + 0.5) / 100  # of the pairs of robots that a wall hides
-_MOST = 50.0  # natural logarithm of odds: no more is needed
 
 
 def reflections_in_doubt(
@@ -67,7 +66,7 @@ def _log_odds(log_image: FloatArray, mirrored: int, robots: int, min_odds: float
         min_odds: up to which noise decides.
     """
     log_image = np.where(log_image > -np.log(min_odds), np.maximum(log_image, 0.0), log_image)
-    hidden = np.log(_SHARES)[:, None] + np.minimum(log_image, _MOST)
+    hidden = np.log(_SHARES)[:, None] + log_image
     seen = np.log1p(-_SHARES)[:, None]
     either = np.logaddexp(hidden, seen)
     others = (mirrored * np.log(_SHARES) + either.sum(axis=1))[:, None] - either + np.log(REFLECTED / len(_SHARES))
