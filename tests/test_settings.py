@@ -1,15 +1,23 @@
 from __future__ import annotations
 
+from typing import Annotated
+
 import pytest
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from wiclosure.settings import Settings
+
+Name = Annotated[str, BeforeValidator(str)]
 
 
 class Gate(Settings):
     radius_m: float = Field(5.0, gt=0)
     count: int | None = None
     is_wide: bool = False
+    heights_m: list[float] = Field(default_factory=list)
+    limits_m: tuple[float | Name, float | Name] | None = None
+    arms_m: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    flags: list[bool | float] = Field(default_factory=list)
 
 
 class Wrong(Settings):
@@ -26,6 +34,9 @@ class Wrong(Settings):
         ({"radius_m": "far"}, "valid number"),
         ({"radius_m": True}, "expected a number"),  # what YAML makes of yes
         ({"count": False}, "expected a number"),
+        ({"heights_m": [1.0, True]}, "expected a number"),
+        ({"limits_m": [0.5, True]}, "expected a number"),
+        ({"arms_m": {"a": [0.0, False]}}, "expected a number"),
     ],
 )
 def test_unknown_keys_and_values_out_of_range_are_errors(given, complaint):
@@ -35,6 +46,8 @@ def test_unknown_keys_and_values_out_of_range_are_errors(given, complaint):
 
 def test_truth_stays_truth():
     assert Gate(is_wide=True).is_wide
+    assert Gate(flags=[True, 2.0]).flags == [True, 2.0]
+    assert Gate(heights_m=[1, 2.5], limits_m=["near", 3], arms_m={"a": [1, 2]}).heights_m == [1.0, 2.5]
 
 
 def test_settings_stay_as_they_are():

@@ -97,7 +97,7 @@ def optimise(
         T_world_odom={r: found.poses[r][0] @ se3.inverse(t.poses[0]) for r, t in trajectories.items()},
         components=found.ground.joined(groups),
         closures=tuple(decided(closures, Stage.ESTIMATE, decisions)),
-        diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), kept.closures, measured.closures),
+        diagnosis=found.diagnosis + _connection_report(found.ground.joined(groups), closures, kept, measured),
         graph=graph,
         values=values,
         sigma_scale=settings.sigma_scale,
@@ -204,11 +204,16 @@ def _decisions(
     }
 
 
-def _connection_report(groups: Sequence[Sequence[str]], kept: int, considered: int) -> tuple[str, ...]:
+def _connection_report(
+    groups: Sequence[Sequence[str]], closures: Sequence[Closure], kept: Measurements, measured: Measurements
+) -> tuple[str, ...]:
     """Sentences: what was rejected, and which robots could not be placed."""
-    sentences = [f"the estimate rejected {considered - kept} of {considered} closures"] if kept < considered else []
+    rejected = measured.closures - kept.closures
+    sentences = [f"the estimate rejected {rejected} of {measured.closures} closures"] if rejected else []
     for group in groups[1:]:
         names, stays = listed(group), "it stays" if len(group) == 1 else "they stay"
         frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
-        sentences.append(f"no accepted closure connects {names} to {groups[0][0]}: {stays} in {frame}")
+        tried = any((c.query.robot in group) != (c.match.robot in group) for c in closures)
+        apart = f"no accepted closure connects {names} to {groups[0][0]}"
+        sentences.append(f"{apart if tried else f'there is no closure between {names} and other robots'}: {stays} in {frame}")
     return tuple(sentences)

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.text_table import utf16_of
 from wiclosure.formats.unpacking import LARGEST_UNPACKED, Compression, UnpackError, largest_content, unpack
 
+_SAMPLE = 4096  # bytes that tell the encoding
 PACKED: Mapping[str, Compression] = {".gz": "gz", ".xz": "xz"}
 
 
@@ -31,8 +33,9 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The same as text; bytes that are none become replacement characters, which no number holds."""
-    return read_bytes(path).decode("utf-8-sig", errors="replace")
+    """The same as text, UTF-8 or UTF-16; bytes that are none become replacement characters, which no number holds."""
+    content = read_bytes(path)
+    return content.decode(utf16_of(content[:_SAMPLE]) or "utf-8-sig", errors="replace")
 
 
 def stem(path: Path) -> str:

@@ -5,8 +5,11 @@ from typing import TYPE_CHECKING
 from wiclosure.lazy import offer
 
 if TYPE_CHECKING:
-    from wiclosure.pipeline.cli.commands import INTERRUPTED as INTERRUPTED
     from wiclosure.pipeline.cli.commands import app as app
-    from wiclosure.pipeline.cli.commands import main as main
+    from wiclosure.pipeline.cli.entry import INTERRUPTED as INTERRUPTED
+    from wiclosure.pipeline.cli.entry import main as main
 else:
-    __getattr__, __dir__, __all__ = offer(__name__, {"wiclosure.pipeline.cli.commands": "INTERRUPTED app main"})
+    __getattr__, __dir__, __all__ = offer(
+        __name__,
+        {"wiclosure.pipeline.cli.commands": "app", "wiclosure.pipeline.cli.entry": "INTERRUPTED main"},
+    )

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import sys
-from types import FrameType
 from typing import Annotated, NoReturn, cast
 
 import typer
@@ -26,6 +24,7 @@ from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
+from wiclosure.pipeline.cli.entry import INTERRUPTED, NOTHING_WRITTEN, Interruption
 from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 
 app = typer.Typer(
@@ -40,9 +39,6 @@ app = typer.Typer(
 
 NARROW = 80
 """Columns; in fewer, Typer's tables would cut the names of options."""
-
-INTERRUPTED = 130
-"""What Typer makes of Ctrl-C, as shells do: 128 and the signal's number."""
 
 app.command("run")(commands.run)
 app.command("compare")(compare_commands.compare_command)
@@ -76,40 +72,21 @@ def common(
     """Options before the command."""
 
 
-class _Interruption:
-    """Remembers that a signal came: what is at work may make another error of the interruption."""
-
-    came = False
-
-    @classmethod
-    def listen(cls) -> None:
-        """Ended by `kill`, or with its terminal: as by Ctrl-C, so that no worker and no scratch folder is left."""
-        cls.came = False
-        for ending in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
-            if signal.getsignal(ending) in {signal.SIG_DFL, signal.default_int_handler}:  # `nohup` has it ignored
-                signal.signal(ending, cls.handle)
-
-    @classmethod
-    def handle(cls, number: int, frame: FrameType | None) -> NoReturn:
-        cls.came = True
-        raise KeyboardInterrupt
-
-
-def main() -> None:
-    """Entry point: known errors become one line and exit code 1."""
+def run_command() -> None:
+    """Runs the command that is named by `sys.argv`; known errors become one line and exit code 1."""
     # Typer brings its own copy of click; the root of click's usage errors is reached through Typer's public one.
     usage_error: type[Exception] = typer.BadParameter.mro()[2]
     _suit_terminal()
     one_blas_thread_from_here()
-    _Interruption.listen()
     try:
+        Interruption.at_work = True
         code = app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
     except usage_error as error:
         _fail(f"{cast('typer.BadParameter', error).format_message()} (see wiclosure --help)")
     except WiclosureError as error:
         _fail(str(error))
     except ImportError:
-        if not _Interruption.came:
+        if not Interruption.came:
             raise
         code = INTERRUPTED  # modules in C that are interrupted while they load say that they cannot be
     except BrokenPipeError:  # `wiclosure ... | head`
@@ -120,7 +97,7 @@ def main() -> None:
     if code == INTERRUPTED and MemoryLimit.sentence is not None:
         _fail(MemoryLimit.sentence)
     if code == INTERRUPTED:
-        typer.echo("interrupted: nothing is written; finished odometry is kept, unless with --no-cache", err=True)
+        typer.echo(NOTHING_WRITTEN, err=True)
     sys.exit(code)
 
 

@@ -131,7 +131,9 @@ class Dataset:
         for robot, recording in self.robots.items():
             if bag_kind(recording.scans):
                 links = {topic: (robot, transmitter) for topic, transmitter in recording.ranges.items()}
-                log = read_wireless_topics(recording.scans, range_topics=links, salvage=salvage)
+                log = read_wireless_topics(
+                    recording.scans, range_topics=links, ignored=recording.ignored_radio, salvage=salvage
+                )
                 logs.append((str(recording.scans), self._of_team(log, recording.scans)))
         self._say_unused(salvage=salvage)
         return self._in_common_time(each_once(logs))
@@ -144,7 +146,9 @@ class Dataset:
                 continue
             pattern, found = NamePattern(source.topic or ""), False
             for robot, recording in self.robots.items():
-                if bag_kind(recording.scans) and any(map(pattern.fits, topic_names(recording.scans))):
+                if not bag_kind(recording.scans):
+                    continue
+                if any(map(pattern.fits, set(topic_names(recording.scans)) - set(recording.ignored_radio))):
                     found = True
                     yield source.of_bag(recording.scans, robot)
             if not found:
@@ -153,7 +157,7 @@ class Dataset:
     def _say_unused(self, *, salvage: bool) -> None:
         """A warning for each topic of the bags that looks like radio and is not read."""
         used = [source.topic for source in self.wireless if source.topic is not None]
-        used += [topic for recording in self.robots.values() for topic in recording.ranges]
+        used += [topic for r in self.robots.values() for topic in (*r.ranges, *r.ignored_radio)]
         owners = {recording.scans: robot for robot, recording in self.robots.items()}  # one bag may hold a team
         for scans, owner in owners.items():
             if bag_kind(scans):

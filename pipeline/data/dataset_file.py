@@ -102,8 +102,8 @@ def _entry(folder: Path, recording: RobotRecording) -> dict[str, Any]:
                 entry[key] = _relative(folder, path)
             case Mapping() as pairs:
                 entry |= {key: dict(pairs)} if pairs else {}
-            case tuple() as numbers:
-                entry[key] = list(numbers)
+            case tuple() as several:
+                entry |= {key: list(several)} if several else {}
             case value:
                 entry[key] = value
     return entry

@@ -70,10 +70,17 @@ class RobotInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inputs:
-    """Everything that one run reads."""
+    """Everything that one run reads.
+
+    Args:
+        robots: their recordings.
+        wireless: what they heard of each other.
+        limit: how many scans of each robot are read at most, or None.
+    """
 
     robots: tuple[RobotInput, ...]
     wireless: WirelessLog
+    limit: int | None = None
 
     @property
     def ground_truth(self) -> dict[str, Trajectory]:

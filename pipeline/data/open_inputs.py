@@ -54,7 +54,7 @@ def open_inputs(
         return scenario_inputs(*read_scenario_word(data[0]), limit=limit)
     dataset = load_dataset(data, topic=topic, wireless=sources_of_words(wireless))
     robots = tuple(_robot_input(dataset, robot, limit=limit, salvage=salvage) for robot in dataset.robots)
-    return Inputs(robots, dataset.wireless_log(salvage=salvage))
+    return Inputs(robots, dataset.wireless_log(salvage=salvage), limit)
 
 
 def _robot_input(dataset: Dataset, robot: str, *, limit: int | None, salvage: bool) -> RobotInput:

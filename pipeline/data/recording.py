@@ -22,6 +22,7 @@ class RobotRecording:
         ground_truth_topic: its topic, where it is in a bag: the one named, or that of the scans.
         time_offset: seconds to add to every stamp of this robot: scans, ground truth and radio.
         ranges: transmitter of each `sensor_msgs/Range` topic in the robot's bag that is a radio's.
+        ignored_radio: topics of the robot's bag that are radio and are left out.
         odometry: file (TUM, EuRoC) or bag of the robot's own odometry, in the place of KISS-ICP's, or None.
         odometry_topic: its topic, where it is in a bag: the one named, or that of the scans.
         odometry_settings: settings of odometry that are this robot's own, by name.
@@ -41,6 +42,7 @@ class RobotRecording:
     ground_truth: Path | None = None
     time_offset: float = 0.0
     ranges: Mapping[str, str] = field(default_factory=dict)
+    ignored_radio: tuple[str, ...] = ()
     odometry: Path | None = None
     odometry_topic: str | None = None
     lidar_pose: tuple[float, ...] | None = None

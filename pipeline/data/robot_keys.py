@@ -96,6 +96,12 @@ def _ranges(path: Path, what: str, value: object) -> dict[str, str]:
     return {text(path, what, topic): text(path, what, transmitter) for topic, transmitter in pairs.items()}
 
 
+def _topics(path: Path, what: str, value: object) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        raise InputError(f"{path}: {what} is {_shown(value)}; expected a list of topics, as [/uwb]")
+    return tuple(text(path, f"a topic of {what}", topic) for topic in value)
+
+
 def _pose(path: Path, what: str, value: object) -> tuple[float, ...]:
     numbers = value if isinstance(value, list) else []
     good = [isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers]
@@ -172,6 +178,11 @@ ROBOT_KEYS: Mapping[str, RobotKey] = {
     ),
     "ranges": RobotKey(
         _ranges, "topic: robot", "whom it measured on each `sensor_msgs/Range` topic of its bag, as `{/uwb_2: beta}`"
+    ),
+    "ignored_radio": RobotKey(
+        _topics,
+        "[topic]",
+        "radio topics of its bag that are left out, as where a log under `wireless` holds the same: `[/uwb]`",
     ),
     "odometry": RobotKey(
         _existing,

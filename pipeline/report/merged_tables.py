@@ -15,6 +15,8 @@ MANY_ROWS = 40
 def merged_tables(found: MergedSummary) -> list[Table]:
     """What was found, and the closures that were rejected."""
     overview = Table(title="optimize", title_justify="left", title_style="bold", show_header=False)
+    if found["doubts"]:
+        overview.add_row("map", "[bold red]may be wrong[/bold red]: see the remarks")
     overview.add_row("robots", ", ".join(f"{escape(robot)}: {n} poses" for robot, n in found["robots"].items()))
     overview.add_row("closures", f"{found['closures']['accepted']} of {found['closures']['read']} accepted")
     if "labels" in found:

@@ -162,6 +162,8 @@ def _radio(found: RadioMetrics) -> str:
 
 
 def _candidates(found: CandidateMetrics) -> str:
+    if not found["true"]:
+        return "no pair, by ground truth"
     recall, precision = _percent(found["recall"]), _percent(found["precision"])
     return f"{recall} of {found['true']:,} true pairs kept, {precision} of kept are true"
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, TypeAlias, TypeVar, cast
 
 from wiclosure.errors import InputError
 from wiclosure.formats.radio.wireless_log import DEFAULT_RANGE_SIGMA_M
-from wiclosure.pipeline.sources.bags import Bag, open_bag
+from wiclosure.pipeline.sources.bags import Bag, BagTopic, open_bag
 from wiclosure.pipeline.sources.messages.headers import HeaderMessage, nanoseconds_of, usual_fields
 from wiclosure.pipeline.sources.messages.ros_types import HEADING_TYPE, MEASUREMENT_TYPE
 from wiclosure.pipeline.sources.messages.wireless_messages import decode_heading, decode_measurement
@@ -51,32 +51,40 @@ class RangeWithVariance(Protocol):
 
 
 def read_wireless_topics(
-    path: Path | str, *, range_topics: Mapping[str, Link] | None = None, salvage: bool = False
+    path: Path | str,
+    *,
+    range_topics: Mapping[str, Link] | None = None,
+    ignored: Collection[str] = (),
+    salvage: bool = False,
 ) -> WirelessLog:
     """All wireless measurements and headings in a bag, in order of time.
 
     Args:
         path: bag file or folder.
         range_topics: receiver and transmitter of each `sensor_msgs/Range` topic to read.
+        ignored: topics that are left out.
         salvage: use what can be read of a damaged bag.
 
     Raises:
-        InputError: the bag cannot be read, a message holds an impossible value, or a topic in `range_topics` is missing
-            or of another type.
+        InputError: the bag cannot be read, a message holds an impossible value, a topic in `range_topics` or `ignored`
+            is missing, or one in `range_topics` is of another type.
     """
     links = dict(range_topics or {})
     with open_bag(Path(path), salvage=salvage) as bag:
-        _check_range_topics(bag, links)
-        measurements = [*_decoded(bag, MEASUREMENT_TYPE, decode_measurement)]
-        headings = [*_decoded(bag, HEADING_TYPE, decode_heading)]
-        for topic in bag.topics.values():
+        _check_topics(bag, links, ignored)
+        read = [topic for topic in bag.topics.values() if topic.name not in ignored]
+        measurements = [*_decoded(bag, read, MEASUREMENT_TYPE, decode_measurement)]
+        headings = [*_decoded(bag, read, HEADING_TYPE, decode_heading)]
+        for topic in read:
             if topic.msgtype == RANGE_TYPE:
                 measurements += _ranges(bag, topic.name, links.get(topic.name))
     return WirelessLog() + WirelessLog(tuple(measurements), tuple(headings))
 
 
-def _decoded(bag: Bag, msgtype: str, decode: Callable[[object], _Record]) -> Iterator[_Record]:
-    for topic in bag.topics.values():
+def _decoded(
+    bag: Bag, topics: Sequence[BagTopic], msgtype: str, decode: Callable[[object], _Record]
+) -> Iterator[_Record]:
+    for topic in topics:
         if topic.msgtype == msgtype:
             for number, (_, message) in enumerate(bag.messages(topic.name)):
                 try:
@@ -123,9 +131,11 @@ def _sigma_m(message: object, *, has_variance: bool) -> float:
     return math.sqrt(variance) if variance > 0 else DEFAULT_RANGE_SIGMA_M
 
 
-def _check_range_topics(bag: Bag, links: Mapping[str, Link]) -> None:
-    for name in links:
+def _check_topics(bag: Bag, links: Mapping[str, Link], ignored: Collection[str]) -> None:
+    for name in (*links, *ignored):
         if name not in bag.topics:
             raise InputError(f"{bag.path} has no topic {name}; it holds {', '.join(bag.topics) or 'nothing'}")
+        if name in ignored:
+            continue
         if bag.topics[name].msgtype != RANGE_TYPE:
             raise InputError(f"topic {name} of {bag.path} is {bag.topics[name].msgtype}; expected {RANGE_TYPE}")

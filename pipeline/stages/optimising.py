@@ -36,8 +36,9 @@ class MergedGraphs:
 
     @property
     def diagnosis(self) -> tuple[str, ...]:
-        """All sentences for the user."""
-        return (*self.team.warnings, *self.consistent.diagnosis, *self.graph.diagnosis)
+        """All sentences for the user, doubts of the map first."""
+        found = self.consistent
+        return (*found.doubts, *self.team.warnings, *found.remarks, *self.graph.diagnosis)
 
     def name(self, key: KeyframeId) -> str:
         """As the files have it."""

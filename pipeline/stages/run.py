@@ -27,6 +27,7 @@ from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
+from wiclosure.pipeline.stages.part_read import without_later_radio
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
@@ -103,6 +104,7 @@ def prepare(
     fronts, from_cache = front_ends(
         inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer, workers=cluster
     )
+    inputs = without_later_radio(inputs, fronts)
     grounding = grounded(fronts, inputs, config.earth)
     return Prepared(inputs, config, grounding, from_cache, cache=cache, jobs=jobs, cluster=cluster)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from wiclosure.backends.estimate.graph_result import GraphResult
 from wiclosure.backends.merged.merged_map import MergedMap
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.display import closure_columns, data_frame, html_table, listed, significant
 from wiclosure.frontends.front_end import FrontEndResult
 from wiclosure.frontends.place_recognition.matching import MatchResult
@@ -41,6 +42,7 @@ class Solution:
         contradictions: those on robots of which radio and closures, or clocks, tell differently.
         doubts: those on robots of which two sets of closures contradict each other, one of them accepted, or whose
             scans fit as well otherwise, and on odometry that may jump.
+        open_jumps: steps of odometry that some of the doubts are of.
         without_radio: robots that measured each other and went on as if they had not.
     """
 
@@ -54,6 +56,7 @@ class Solution:
     diagnosis: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    open_jumps: tuple[OdometryJump, ...] = ()
     without_radio: tuple[tuple[str, str], ...] = ()
 
 

@@ -78,6 +78,7 @@ def solve(
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
         doubts=doubts,
+        open_jumps=found.consistent.open_jumps,
         without_radio=tuple(one.pair for one in checks if one.drops_radio),
         diagnosis=(
             *doubts,

@@ -59,7 +59,7 @@ def scenario_inputs(name: str, settings: ScenarioSettings | None = None, *, limi
     scenario = make_scenario(name, settings)
     identity = _identity(name, settings, limit)
     robots = tuple(_robot_input(scenario, robot, identity, limit) for robot in scenario.robots)
-    return Inputs(robots, scenario.wireless())
+    return Inputs(robots, scenario.wireless(), limit)
 
 
 def _robot_input(scenario: Scenario, robot: str, identity: object, limit: int | None) -> RobotInput:

@@ -34,12 +34,15 @@ def _false_closures(result: RunResult) -> list[str]:
     if not false:
         return []
     config = result.config
-    return [
-        f"{false} accepted closures are false by ground truth: choose them under Closures and look at their scans."
-        f" A stricter consistency check refuses more: raise pcm.min_clique_size (now"
-        f" {config.pcm.min_clique_size}) or registration.min_inlier_ratio (now"
-        f" {config.registration.min_inlier_ratio:g})."
-    ]
+    stricter = (
+        "They agree with each other, as closures of places that look alike do: a stricter consistency check would let"
+        " them through as well."
+        if result.solution.doubts
+        else f"A stricter consistency check refuses more: raise pcm.min_clique_size (now {config.pcm.min_clique_size}) or"
+        f" registration.min_inlier_ratio (now {config.registration.min_inlier_ratio:g})."
+    )
+    are = "1 accepted closure is" if false == 1 else f"{false} accepted closures are"
+    return [f"{are} false by ground truth: look at both scans under Closures. {stricter}"]
 
 
 def doubts(solution: Solution) -> list[str]:
@@ -51,11 +54,14 @@ def doubts(solution: Solution) -> list[str]:
 def _doubts(result: RunResult) -> list[str]:
     unused = result.metrics["filter"] == "none"
     radio = "let the radio decide (--filter wiclosure)" if unused else "measure more by radio between them"
-    return [
-        f"{doubt}. Compare both scans of closures under Closures; let the robots share places that look"
-        f" different, or {radio}."
-        for doubt in result.solution.doubts
-    ]
+    remedies = {
+        jump.doubt: f"Look at the odometry of {jump.robot} there (Before, under the merged map): if the robot was carried"
+        " or slipped, make two recordings of it, one up to there and one from there; if not, look at the closures on"
+        " both sides under Closures"
+        for jump in result.solution.open_jumps
+    }
+    places = f"Compare both scans of closures under Closures; let the robots share places that look different, or {radio}"
+    return [f"{doubt}. {remedies.get(doubt, places)}." for doubt in result.solution.doubts]
 
 
 def _contradictions(result: RunResult) -> list[str]:

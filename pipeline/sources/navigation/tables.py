@@ -11,9 +11,9 @@ import numpy as np
 
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import plausible_rows
-from wiclosure.formats.radio.radio_units import stamp_ns
+from wiclosure.formats.radio.radio_units import TimeUnit, is_fraction, stamp_ns, time_unit_in
 from wiclosure.formats.text_cells import number_of
-from wiclosure.formats.text_table import open_table
+from wiclosure.formats.text_table import TextTable, open_table
 from wiclosure.pipeline.sources.navigation.gnss_topics import GNSS_BOUNDS, UNKNOWN_SIGMA_M
 from wiclosure.pipeline.sources.navigation.imu_topics import FASTEST_RAD_S, STRONGEST_M_S2
 from wiclosure.types import FloatArray, GnssLog, ImuLog, IntArray
@@ -24,7 +24,7 @@ _ACCELERATION = r"(a|acc|accel|accelerations?|linear_?acceleration)"
 _RATE = r"(w|g|gyr|gyro|omega|rates?|turning_?rate|angular_?velocity|angular_?rate)"
 IMU_BOUNDS = np.array([STRONGEST_M_S2] * 3 + [FASTEST_RAD_S] * 3)
 _SIGMA = r"(sigma|std|sd|stddev)\b|(sigma|std|sd)_"
-_STAMP = r"#?\s*(stamp|time|timestamp|t)\b.*"
+_STAMP = r"#?\s*(stamp|time|timestamp|t)(\b|_).*"
 IMU_COLUMNS: Mapping[str, str] = {
     "stamp": _STAMP,
     **{f"acceleration {axis}": rf"{_ACCELERATION}([^a-z].*)?_?\.?{axis}\b.*" for axis in "xyz"},
@@ -75,10 +75,11 @@ def _columns(path: Path, wanted: Mapping[str, str]) -> tuple[IntArray, FloatArra
         raise InputError(
             f"{path} has {len(places)} columns; expected {len(wanted)}: {', '.join(wanted)}, or a line that names them"
         )
+    unit = _stamp_unit(path, table, places[0])
     rows, stamps, bad = list[list[float]](), list[int](), 0
     for _, cells in table.rows():
         try:
-            stamps.append(stamp_ns(cells[places[0]], "auto"))
+            stamps.append(stamp_ns(cells[places[0]], unit))
             rows.append([number_of(cells[place]) for place in places[1:]])
         except (ValueError, IndexError):
             del stamps[len(rows) :]
@@ -92,6 +93,14 @@ def _columns(path: Path, wanted: Mapping[str, str]) -> tuple[IntArray, FloatArra
     if not len(values):
         raise InputError(f"{path} holds no rows of {', '.join(wanted)}")
     return stamps_ns, values
+
+
+def _stamp_unit(path: Path, table: TextTable, place: int) -> TimeUnit:
+    """As the column's name or the line below it states; else by the size of each stamp."""
+    if any(is_fraction(name) for n, name in enumerate(table.columns) if n != place):
+        raise InputError(f"{path} has seconds and nanoseconds in two columns; write them as one number of seconds")
+    below = table.units[place] if table.units else ""
+    return time_unit_in(table.columns[place]) or time_unit_in(below) or "auto"
 
 
 def _places(path: Path, names: Sequence[str], wanted: Mapping[str, str]) -> list[int]:

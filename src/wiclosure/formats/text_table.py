@@ -210,11 +210,8 @@ def encoding_of(path: Path) -> str:
     """
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
-    if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
-        return "utf-16"
-    for encoding, other in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
-        if len(head) > 1 and other.count(0) > 0.9 * len(other) and head.count(0) < 0.6 * len(head):
-            return encoding
+    if (wide := utf16_of(head)) is not None:
+        return wide
     if b"\0" in head:
         way_out = "save it as CSV" if head.startswith(_ZIP) else "expected rows of cells"
         raise InputError(f"{path} is not a table of text (it holds zero bytes); {way_out}")
@@ -223,6 +220,16 @@ def encoding_of(path: Path) -> str:
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8-sig"
+
+
+def utf16_of(head: bytes) -> str | None:
+    """The UTF-16 that a file is in, by its first bytes; None where it is in none."""
+    if head[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        return "utf-16"
+    for encoding, other in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
+        if len(head) > 1 and other.count(0) > 0.9 * len(other) and head.count(0) < 0.6 * len(head):
+            return encoding
+    return None
 
 
 @contextmanager

@@ -183,7 +183,14 @@ def test_robots_without_closures_stay_in_their_own_frame_and_are_reported(team_m
     assert result.unconnected == ("beta", "gamma", "delta")
     np.testing.assert_allclose(result.trajectories["delta"].poses, team.odometry["delta"].poses, atol=1e-6)
     np.testing.assert_allclose(result.trajectories["beta"].poses, team.odometry["beta"].poses, atol=1e-5)
-    assert "no accepted closure connects delta to alpha: it stays in its own frame" in result.diagnosis
+    assert "there is no closure between delta and other robots: it stays in its own frame" in result.diagnosis
+
+
+def test_robots_whose_closures_were_all_rejected_are_told_apart_from_those_without(team_maker):
+    team, rng = team_maker(4, ("alpha", "beta")), np.random.default_rng(4)
+    rejected = [replace(c, rejected_at=Stage.CONSISTENCY, reason="false") for c in random_closures(team, 3, rng)]
+    said = optimise(team.odometry, rejected, PoseGraphSettings()).diagnosis
+    assert "no accepted closure connects beta to alpha: it stays in its own frame" in said
 
 
 def test_robots_whose_closures_all_prove_false_go_back_to_their_own_frame(team_maker):

@@ -53,3 +53,9 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 )
 def test_the_stem_is_the_name_without_the_format(name: str, expected: str) -> None:
     assert stem(Path("folder") / name) == expected
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_utf_16_is_read_as_utf_8_is(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.g2o").write_bytes(TEXT.encode(encoding))
+    assert read_text(tmp_path / "a.g2o") == TEXT

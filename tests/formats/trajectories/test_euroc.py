@@ -83,3 +83,10 @@ def test_ticks_since_1601_are_told_by_their_size(tmp_path: Path) -> None:
     (tmp_path / "data.csv").write_text("\n".join(lines))
     read = read_euroc(tmp_path / "data.csv", "alpha")
     np.testing.assert_array_equal(read.stamps_ns, 1_700_000_000 * 10**9 + np.arange(3) * 10**8)
+
+
+def test_a_line_of_names_may_state_another_unit(tmp_path):
+    path = tmp_path / "data.csv"
+    rows = [f"{1_700_000_000_000_000 + n * 100_000},{n},0,0,0,0,0,1" for n in range(3)]
+    path.write_text("\n".join(["time_us,x,y,z,qx,qy,qz,qw", *rows]) + "\n")
+    assert read_euroc(path, "a").stamps_ns.tolist() == [1_700_000_000_000_000_000 + n * 10**8 for n in range(3)]

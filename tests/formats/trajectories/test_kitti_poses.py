@@ -96,3 +96,9 @@ def test_first_numbers_that_are_neither_frames_nor_times(tmp_path: Path, second:
     (tmp_path / "poses.txt").write_text(f"0.1 1 0 0 0 0 1 0 0 0 0 1 0\n{second} 1 0 0 0 0 1 0 0 0 0 1 0\n")
     with pytest.raises(InputError, match=rf"poses\.txt, line 2: .*({says}|not finite)"):
         read_kitti_poses(tmp_path / "poses.txt")
+
+
+def test_utf_16_is_read_as_utf_8_is(tmp_path):
+    path = tmp_path / "poses.txt"
+    path.write_text("1 0 0 5 0 1 0 0 0 0 1 0\n", encoding="utf-16")
+    assert read_kitti_poses(path).poses[0, 0, 3] == 5

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wiclosure.errors import InputError
-from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
+from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns, stated_unit
 
 PATH = Path("poses.txt")
 SCALAR_FIRST = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")
@@ -57,3 +57,18 @@ def test_names_without_a_pose_are_refused():
         pose_columns(PATH, "time,ax,ay,az,gx,gy,gz,temp", POSE)
     with pytest.raises(InputError, match="seconds and nanoseconds in two columns; write them as one number"):
         pose_columns(PATH, "sec,nsec,x,y,z,qx,qy,qz,qw", POSE)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "unit"),
+    [
+        ("stamp", None), ("t", None), ("stamp[ns]", "ns"), ("stamp [ns]", "ns"), ("time_us", "us"), ("Time (ms)", "ms"),
+        ("timestampNs", "ns"), ("sec", "s"), ("header.stamp.secs", "s"), ("nanoseconds", "ns"), ("time_status", None),
+        ("header.stamp.nsec", "ns"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("separator", [" ", ",", ";"])
+def test_the_name_of_the_stamps_may_state_their_unit(stamp, unit, separator):
+    line = separator.join([stamp, "x [m]", "y [m]", "z [m]", "qx []", "qy []", "qz []", "qw []"])
+    assert stated_unit(line) == unit
+    assert pose_columns(PATH, line, SCALAR_FIRST) == list(range(8))

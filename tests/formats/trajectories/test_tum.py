@@ -250,3 +250,21 @@ def test_nanoseconds_without_names_are_refused_since_a_start_up_too(tmp_path: Pa
     path.write_text("".join(f"{10**12 + n * 10**8} {n} 0 0 0 0 0 1\n" for n in range(5)))
     with pytest.raises(InputError, match="its stamps are nanoseconds, as EuRoC's, whose quaternions begin with w"):
         read_tum(path, "alpha")
+
+
+@pytest.mark.parametrize(
+    ("name", "stamps", "expected_ns"),
+    [
+        ("stamp[ns]", [1_000_000_000_000, 1_000_000_020_000], [1_000_000_000_000, 1_000_000_020_000]),  # steps of 20 us
+        ("time_us", [5_000_000, 5_100_000], [5_000_000_000, 5_100_000_000]),
+        ("time_ms", [1500.5, 1600.5], [1_500_500_000, 1_600_500_000]),
+        ("sec", [1500.5, 1600.5], [1_500_500_000_000, 1_600_500_000_000]),
+    ],
+)
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_a_unit_in_the_line_of_names_goes_before_what_the_stamps_look_like(
+    tmp_path: Path, name: str, stamps: list[float], expected_ns: list[int], separator: str
+) -> None:
+    rows = [[name, *"x y z qx qy qz qw".split()], *([str(at), *"1 2 3 0 0 0 1".split()] for at in stamps)]
+    (tmp_path / "a.csv").write_text("\n".join(separator.join(row) for row in rows) + "\n")
+    assert read_tum(tmp_path / "a.csv", "a").stamps_ns.tolist() == expected_ns

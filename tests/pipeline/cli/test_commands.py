@@ -95,6 +95,25 @@ def test_an_interruption_while_a_module_in_c_loads_is_one(
     assert err.startswith("interrupted: nothing is written")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_before_anything_is_loaded_is_one_line(number: signal.Signals) -> None:
+    """As if the signal came while the first module of the command line is loaded."""
+    early = (
+        "import signal, sys\n"
+        "class Interrupts:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'typer':\n"
+        f"            signal.raise_signal({int(number)})\n"
+        "sys.meta_path.insert(0, Interrupts())\n"
+        "from wiclosure.pipeline.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", early], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (INTERRUPTED, "")
+    assert done.stderr.startswith("interrupted: nothing is written")
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_module_that_cannot_be_loaded_is_no_interruption(wiclosure: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail() -> None:
         raise ImportError("initialization failed")

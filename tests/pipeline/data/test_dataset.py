@@ -21,6 +21,7 @@ from wiclosure.pipeline.data.dataset_writer import write_kitti_folder, write_ros
 from wiclosure.pipeline.data.recording import RobotRecording
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.radio.words import sources_of_words
+from wiclosure.pipeline.sources.bags import topic_names
 from wiclosure.pipeline.sources.messages.ros_types import typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header
 from wiclosure.pipeline.sources.wireless_topics import RANGE_TYPE
@@ -157,6 +158,17 @@ def test_ranges_of_a_driver_in_the_bag(folder: Path) -> None:
     dataset = load_dataset([str(written(folder, text, "ranging.yaml"))])
     (measurement,) = (m for m in dataset.wireless_log().measurements if m not in LOG.measurements)
     assert (measurement.receiver, measurement.transmitter, measurement.range_m) == ("alpha", "beta", 7.5)
+
+
+def test_radio_of_a_bag_may_be_left_out(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    own = ", ".join(set(topic_names(folder / "alpha.bag")) - {"/points"})
+    text = f"robots: {{alpha: {{scans: alpha.bag, ignored_radio: [{own}]}}, gamma: {{scans: gamma}}}}"
+    dataset = load_dataset([str(written(folder, text, "ignored.yaml"))])
+    with caplog.at_level("WARNING", "wiclosure"):
+        assert dataset.wireless_log() == WirelessLog()
+    assert not caplog.records
+    write_dataset(folder / "ignored_again.yaml", dataset.robots)
+    assert load_dataset([str(folder / "ignored_again.yaml")]).robots == dataset.robots
 
 
 def test_a_topic_of_each_robots_own_bag(folder: Path, caplog: pytest.LogCaptureFixture) -> None:

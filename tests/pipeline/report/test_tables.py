@@ -73,6 +73,14 @@ def test_a_run_shows_its_figures_and_its_remarks_as_they_are_written():
     assert "0.75 m and 0.50°" in text
 
 
+def test_no_pair_in_the_truth_is_said_so():
+    metrics = metrics_of("wiclosure", ate=0.375, kept=640)
+    metrics["candidates"] |= {"true": 0, "kept_true": 0, "recall": None, "precision": 0.0}
+    text = shown(run_table(metrics))
+    assert "no pair, by ground truth" in text
+    assert "of 0 true pairs" not in text
+
+
 def test_a_run_without_ground_truth_has_no_rows_of_errors():
     metrics = metrics_of("none", ate=None, kept=6400, truth=False)
     text = shown(run_table(metrics))

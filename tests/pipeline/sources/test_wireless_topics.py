@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from wiclosure.errors import InputError, OutputError
 from wiclosure.pipeline.data.dataset_writer import write_ros1_bag, write_ros2_bag
+from wiclosure.pipeline.sources.bags import topic_names
 from wiclosure.pipeline.sources.messages.ros_types import MEASUREMENT_TYPE, typestore
 from wiclosure.pipeline.sources.messages.wireless_messages import encode_header, encode_measurement
 from wiclosure.pipeline.sources.open import open_source
@@ -121,3 +122,12 @@ def test_writers_leave_nothing_unfinished(tmp_path: Path, scans: list[Scan]) -> 
             write(tmp_path / name, scans)
         for path in tmp_path.iterdir():
             path.rename(tmp_path.parent / f"{tmp_path.name}_{name}")
+
+
+def test_topics_that_are_to_be_left_out(range_bag: Path, tmp_path: Path, scans: list[Scan]) -> None:
+    assert read_wireless_topics(range_bag, ignored=["/uwb"]) == WirelessLog()
+    with pytest.raises(InputError, match="no topic /wrong; it holds /uwb"):
+        read_wireless_topics(range_bag, ignored=["/wrong"])
+    write_ros1_bag(tmp_path / "own.bag", scans, wireless=LOG)
+    own = set(topic_names(tmp_path / "own.bag")) - {"/points"}
+    assert read_wireless_topics(tmp_path / "own.bag", ignored=own) == WirelessLog()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.formats.trajectories.kitti_poses import read_kitti_poses
 from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline.config import Config
@@ -71,6 +72,13 @@ def test_the_summary_is_what_the_file_holds(merged, written):
     assert (found["robots"], found["components"]) == ({"a": COUNT, "b": COUNT}, [["a", "b"]])
     assert (found["closures"]["read"], found["closures"]["accepted"]) == (6, 5)
     assert [row["second"] for row in found["closures"]["rejected"]] == ["b6"]
+    assert found["doubts"] == []
+
+
+def test_doubts_stand_first_and_by_themselves(merged):
+    jump = OdometryJump("b", 4, np.array([0, 0, 0.1, 2.0, 0, 0]))
+    found = summary(replace(merged, consistent=replace(merged.consistent, open_jumps=(jump,))))
+    assert found["doubts"] == found["diagnosis"][:1] == [jump.doubt]
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,14 @@ _SI_UNITS: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
 _LONGEST_STEP_S = 10.0  # between poses or scans in whole seconds, typically
 _LONGEST_STEP_OF_DATES_S = 900.0  # nanoseconds of 1 kHz, read as milliseconds, are farther apart
 _UNITS_IN_CELLS: Mapping[str, TimeUnit] = {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
+_UNIT_OF_NAME = re.compile(r"(?:^|[\[(_.\s])([^\W_]+)\s*[\])]?$")
+_UNIT_WORDS: Mapping[str, TimeUnit] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "usec", "usecs", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
+}
+_FRACTION = re.compile(r"^ns$|(^|[^a-z])(n(ano)?secs?|nanoseconds)$")
 _WITH_UNIT = re.compile(rf"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*({'|'.join(_UNITS_IN_CELLS)})")
 _FROM_S, _TO_S = 946_684_800, 4_102_444_800  # 2000 to 2100: what a unit must make of a date, a tenth of another's
 _ZERO_RAD: Mapping[AzimuthZero, float] = {
@@ -93,6 +101,17 @@ def stamp_unit_of_path(stamps: Sequence[str]) -> TimeUnit:
     if date_unit_of(first) is not None and seconds[by_size] <= _LONGEST_STEP_OF_DATES_S:
         return by_size
     return next((unit for unit, step_s in seconds.items() if step_s < _LONGEST_STEP_S), by_size)
+
+
+def time_unit_in(name: str) -> TimeUnit | None:
+    """The unit that a column of times states in its name, as `stamp [ns]`, `time_us` or `seconds`; else None."""
+    found = _UNIT_OF_NAME.search(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip()).casefold())
+    return None if found is None else _UNIT_WORDS.get(found[1])
+
+
+def is_fraction(name: str) -> bool:
+    """Whether a column may hold the nanoseconds of a second, as `header.stamp.nsecs`, by its name."""
+    return _FRACTION.search(name.strip().casefold()) is not None
 
 
 def stamp_ns(value: Decimal | str | float, unit: TimeUnit) -> int:

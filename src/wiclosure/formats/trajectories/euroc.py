@@ -15,10 +15,10 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError
 from wiclosure.formats.plausible import LATEST_NS, LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of
+from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of
 from wiclosure.formats.text_cells import is_number
 from wiclosure.formats.text_table import encoding_of
-from wiclosure.formats.trajectories.pose_columns import line_of_names, pose_columns
+from wiclosure.formats.trajectories.pose_columns import line_of_names, pose_columns, stated_unit
 from wiclosure.types import Trajectory
 
 _ORDER = ("stamp", "x", "y", "z", "qw", "qx", "qy", "qz")
@@ -43,8 +43,10 @@ def _is_pose(row: list[float]) -> bool:
     return bool(np.isfinite(row).all() and 1e-9 <= max(map(abs, row[3:])) < LONGEST_QUATERNION)
 
 
-def _nanoseconds(stamp: str) -> int:
-    """A whole number of nanoseconds, or of ticks of a clock that its size tells."""
+def _nanoseconds(stamp: str, stated: TimeUnit | None) -> int:
+    """A whole number in the stated unit, else of nanoseconds, or of ticks of a clock that its size tells."""
+    if stated is not None:
+        return stamp_ns(stamp, stated)
     unit = stamp_unit_of(Decimal(int(stamp)))
     return stamp_ns(stamp, unit if unit in {"filetime", "dotnet"} else "ns")
 
@@ -65,7 +67,9 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
         text = path.read_text(encoding=encoding_of(path))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read the trajectory {path}: {error}; check the file") from error
-    stamp_column, *pose = pose_columns(path, line_of_names(text), _ORDER)
+    names = line_of_names(text)
+    stamp_column, *pose = pose_columns(path, names, _ORDER)
+    unit = stated_unit(names)
     stamps_ns: list[int] = []
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -74,7 +78,7 @@ def read_euroc(path: Path | str, robot: str, drift: DriftModel | None = None) ->
         words = [word.strip() for word in line.split(",")]
         try:
             row = [float(words[column]) for column in pose]
-            at_ns = _nanoseconds(words[stamp_column])
+            at_ns = _nanoseconds(words[stamp_column], unit)
         except (ValueError, IndexError):
             row, at_ns = [], 0
         if len(row) < _COLUMNS - 1 or at_ns > LATEST_NS or not _is_pose(row):

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import FURTHEST_M
 from wiclosure.formats.radio.radio_units import stamp_ns
+from wiclosure.formats.text_table import encoding_of
 from wiclosure.types import FloatArray, IntArray
 
 _SKEWNESS = 0.01  # rotations printed with three digits stay within this of orthonormal; they are made exact
@@ -37,7 +38,7 @@ def read_kitti_poses(path: Path | str) -> KittiPoses:
     """
     path = Path(path)
     try:
-        lines = [line.partition("#")[0].split() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+        lines = [line.partition("#")[0].split() for line in path.read_text(encoding=encoding_of(path)).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read the poses {path}: {error}; check the file") from error
     rows = [(number, words) for number, words in enumerate(lines, start=1) if words]

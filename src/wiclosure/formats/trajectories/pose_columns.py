@@ -6,10 +6,10 @@ import re
 from pathlib import Path
 
 from wiclosure.errors import InputError
+from wiclosure.formats.radio.radio_units import TimeUnit, is_fraction, time_unit_in
 from wiclosure.formats.text_cells import is_number
 
 POSE = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
-_FRACTION = {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}
 _SAMPLE = 20_000  # characters, in which names are looked for
 
 
@@ -30,9 +30,9 @@ def pose_columns(path: Path, line: str, default: tuple[str, ...]) -> list[int]:
         InputError: names that are not behind a remark's mark, and miss one of the columns.
     """
     names = _names(line)
-    roles = [_role(name) for name in names]
+    roles = _roles(names)
     if set(POSE) <= set(roles):
-        if _FRACTION & {re.sub(r"[^a-z]", "", name.lower()) for name in names}:
+        if "fraction" in roles:
             raise InputError(f"{path} has seconds and nanoseconds in two columns; write them as one number of seconds")
         return [roles.index(column) for column in POSE]
     if names and not line.lstrip().startswith("#"):
@@ -42,6 +42,13 @@ def pose_columns(path: Path, line: str, default: tuple[str, ...]) -> list[int]:
     return [default.index(column) for column in POSE]
 
 
+def stated_unit(line: str) -> TimeUnit | None:
+    """The unit of the stamps by the name of their column, as `stamp [ns]` or `time_us`; None where it tells none."""
+    names = _names(line)
+    roles = _roles(names)
+    return time_unit_in(names[roles.index("stamp")]) if set(POSE) <= set(roles) else None
+
+
 def _missing(roles: list[str]) -> str:
     return " or ".join(column for column in POSE if column not in roles)
 
@@ -49,12 +56,21 @@ def _missing(roles: list[str]) -> str:
 def _names(line: str) -> list[str]:
     content = line.strip().lstrip("#").strip()
     if not re.search("[,;]", content):
-        content = re.sub(r"\s+(\[.*?\]|\(.*?\))", "", content)  # units apart from the names
+        content = re.sub(r"\s+(\[\S*?\]|\(\S*?\))", r"\1", content)  # units belong to the names before them
+        content = re.sub(r"\s+(\[.*?\]|\(.*?\))", "", content)
     cells = re.split(r"\s*[,;]\s*" if re.search("[,;]", content) else r"\s+", content)
     return [] if len(cells) < len(POSE) or any(map(is_number, cells)) else [cell.strip("\"'") for cell in cells]
 
 
+def _roles(names: list[str]) -> list[str]:
+    """What each column is; nanoseconds beside seconds are their fraction, and alone the stamps."""
+    roles = [_role(name) for name in names]
+    return roles if "stamp" in roles else ["stamp" if role == "fraction" else role for role in roles]
+
+
 def _role(name: str) -> str:
+    if is_fraction(name):
+        return "fraction"
     plain = re.sub(r"\[.*?\]|\(.*?\)|[^a-z]", "", name.lower())
     if plain == "t" or "time" in plain or "stamp" in plain or plain.startswith("sec"):
         return "stamp"

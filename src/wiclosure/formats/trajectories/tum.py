@@ -22,11 +22,11 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.plausible import LONGEST_QUATERNION, plausible_path
-from wiclosure.formats.radio.radio_units import stamp_ns, stamp_unit_of_path
+from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of_path
 from wiclosure.formats.stamps import few_digits, nanoseconds, nanoseconds_of_column, seconds_text
 from wiclosure.formats.text_cells import is_number
 from wiclosure.formats.text_table import encoding_of
-from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns
+from wiclosure.formats.trajectories.pose_columns import POSE, line_of_names, pose_columns, stated_unit
 from wiclosure.types import FloatArray, IntArray, Trajectory
 
 logger = logging.getLogger(__name__)
@@ -52,10 +52,10 @@ def read_tum(path: Path | str, robot: str, drift: DriftModel | None = None) -> T
             lost their digits.
     """
     path = Path(path)
-    text, columns, named = _plain_text(path)
+    text, columns, names = _plain_text(path)
     rows = _load_rows(path, text, columns)
     try:
-        stamps_ns = _stamps_ns(path, rows["stamp"], named=named)
+        stamps_ns = _stamps_ns(path, rows["stamp"], names)
     except (ValueError, ArithmeticError):
         _explain(path, text, columns)
     pose = rows["pose"]
@@ -97,8 +97,8 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
         raise OutputError(f"cannot write the trajectory {path}: {error.strerror}; choose another place") from error
 
 
-def _plain_text(path: Path) -> tuple[str, list[int], bool]:
-    """The text with white space between the numbers, line for line; where its columns stand; whether it names them."""
+def _plain_text(path: Path) -> tuple[str, list[int], str]:
+    """The text with white space between the numbers, line for line; where its columns stand; the line of names."""
     try:
         text = path.read_text(encoding=encoding_of(path))
     except (UnicodeDecodeError, InputError):
@@ -109,11 +109,11 @@ def _plain_text(path: Path) -> tuple[str, list[int], bool]:
     columns = pose_columns(path, names, COLUMNS)
     text, first = _without_head(text, names)
     if "," not in first and ";" not in first:
-        return text, columns, bool(names)
+        return text, columns, names
     decimal = ";" in first or (len(first.split()) == len(COLUMNS) and re.search(r"\d,\d", first) is not None)
     if decimal:
-        return re.sub(r"[;\t]", " ", text).replace(",", "."), columns, bool(names)
-    return _EMPTY_CELL.sub(r"\1- ", text.replace(" ", "")).replace(",", " "), columns, bool(names)
+        return re.sub(r"[;\t]", " ", text).replace(",", "."), columns, names
+    return _EMPTY_CELL.sub(r"\1- ", text.replace(" ", "")).replace(",", " "), columns, names
 
 
 def _without_head(text: str, names: str) -> tuple[str, str]:
@@ -151,22 +151,29 @@ def _load_rows(path: Path, text: str, columns: Sequence[int]) -> NDArray[np.void
     return np.asarray(rows)
 
 
-def _stamps_ns(path: Path, stamps: NDArray[np.bytes_], *, named: bool) -> IntArray:
-    """Nanoseconds `(N,)` of stamps in seconds, or, where dates tell it by their size, in another unit."""
+def _stamps_ns(path: Path, stamps: NDArray[np.bytes_], names: str) -> IntArray:
+    """Nanoseconds `(N,)` of stamps in the unit that the line of names states, else by their size and steps."""
     if not len(stamps):
         return np.zeros(0, np.int64)
-    first = stamps[0].decode()
-    unit = stamp_unit_of_path([stamp.decode() for stamp in stamps[:_SAMPLE].tolist()]) if is_number(first) else "auto"
-    if unit == "s":
+    by_size = _unit_by_size(stamps)
+    stated = None if by_size == "auto" else stated_unit(names)
+    if (unit := stated or by_size) == "s":
         return nanoseconds_of_column(stamps)
-    if unit == "ns" and not named:
+    if unit == "ns" and not names:
         raise InputError(
             f"{path}: its stamps are nanoseconds, as EuRoC's, whose quaternions begin with w; name its columns in a"
             f" first line ({' '.join(COLUMNS)}), or write seconds"
         )
-    read_as = "dates" if unit == "auto" else unit
-    logger.warning("%s: its stamps are read as %s; those of TUM files are seconds", path, read_as)
+    if stated is None:
+        read_as = "dates" if unit == "auto" else unit
+        logger.warning("%s: its stamps are read as %s; those of TUM files are seconds", path, read_as)
     return np.array([stamp_ns(stamp.decode(), unit) for stamp in stamps], np.int64)
+
+
+def _unit_by_size(stamps: NDArray[np.bytes_]) -> TimeUnit:
+    """Of stamps that are numbers; `auto` where they are dates."""
+    sample = [stamp.decode() for stamp in stamps[:_SAMPLE].tolist()]
+    return stamp_unit_of_path(sample) if is_number(sample[0]) else "auto"
 
 
 def _first_of_each(path: Path, texts: NDArray[np.bytes_], stamps_ns: IntArray) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.pipeline.report.html.advice import doubts, next_steps
 from wiclosure.pipeline.report.html.verdict import run_verdict
 from wiclosure.pipeline.stages.run_result import RunResult
@@ -64,6 +65,23 @@ def test_false_closures_come_first(lost_run: RunResult) -> None:
     assert next_steps(replace(lost_run, metrics=lost_run.metrics | {"closures": closures}))[0].startswith(
         "2 accepted closures are false"
     )
+
+
+def test_no_stricter_check_is_advised_against_false_closures_that_agree(lost_run: RunResult) -> None:
+    false = replace(
+        lost_run, metrics=lost_run.metrics | {"closures": lost_run.metrics["closures"] | {"accepted_false": 1}}
+    )
+    assert "raise pcm.min_clique_size" in next_steps(false)[0]
+    said = next_steps(without(false, doubts=("alpha and beta: the map may be wrong",)))
+    assert said[0].startswith("1 accepted closure is false by ground truth")
+    assert "min_clique_size" not in said[0]
+
+
+def test_a_doubt_of_odometry_is_to_be_looked_at_in_the_odometry(run_of: Runs) -> None:
+    jump = OdometryJump("beta", 7, np.array([0, 0, 0.5, 3.0, 0, 0]))
+    (said,) = next_steps(without(run_of(), doubts=(jump.doubt,), open_jumps=(jump,)))
+    assert said.startswith(f"{jump.doubt}. Look at the odometry of beta there")
+    assert "radio" not in said
 
 
 def test_a_fault_of_the_radio_is_named_with_the_way_out(lost_run: RunResult) -> None:

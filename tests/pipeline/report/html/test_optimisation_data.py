@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.report.html import write_optimisation_report
 from wiclosure.pipeline.report.html.page import read_page
+from wiclosure.pipeline.report.merged_tables import merged_tables
 from wiclosure.pipeline.stages.merged_folder import summary
 from wiclosure.pipeline.stages.optimising import MergedGraphs, merge_graphs
 
@@ -52,6 +56,16 @@ def test_closures_have_the_files_indices_and_their_reasons(merged: MergedGraphs,
     assert run["funnel"][-1]["count"] == 6
     reasons = [reason for stage in run["funnel"] for reason in stage["reasons"]]
     assert [(reason["text"], reason["count"]) for reason in reasons] == [(rejected["reason"], 1)]
+
+
+def test_a_jump_of_odometry_that_nothing_tells_is_said_first(merged: MergedGraphs, tmp_path: Path) -> None:
+    jump = OdometryJump("b", 4, np.array([0, 0, 0.1, 2.0, 0, 0]))
+    doubtful = replace(merged, consistent=replace(merged.consistent, open_jumps=(jump,)))
+    write_optimisation_report(tmp_path, doubtful, load_config())
+    verdict = read_page(tmp_path / "report.html")["runs"][0]["verdict"]
+    assert (verdict["tone"], verdict["next"]) == ("warn", [jump.doubt])
+    assert "6 of 7 closures accepted; the map may be wrong" in verdict["sentence"]
+    assert "may be wrong" in str(merged_tables(summary(doubtful))[0].columns[1]._cells)
 
 
 def test_robots_that_nothing_joins(tmp_path: Path) -> None:

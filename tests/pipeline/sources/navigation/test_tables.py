@@ -61,3 +61,24 @@ def test_positions_with_sigmas_and_without(tmp_path):
     np.testing.assert_array_equal(log.geodetic, [[49.0, 8.4, 110], [49.1, 8.5, 111]])
     path.write_text("10.0 49.0 8.4 110 0.5 0.6 1.0\n11.0 49.1 8.5 111 0.5 0.6 1.0\n")
     np.testing.assert_array_equal(read_gnss_table(path).sigma_enu, [[0.5, 0.6, 1.0]] * 2)
+
+
+@pytest.mark.parametrize(
+    ("head", "stamp"),
+    [
+        ("time_us,ax,ay,az,gx,gy,gz", "2500000"),
+        ("timestamp (ms),ax,ay,az,gx,gy,gz", "2500"),
+        ("t,ax,ay,az,gx,gy,gz\n[ms],-,-,-,-,-,-", "2500"),
+    ],
+)
+def test_a_unit_in_the_line_of_names_or_below_it_counts(tmp_path, head, stamp):
+    path = tmp_path / "imu.csv"
+    path.write_text(f"{head}\n{stamp},0,0,9.8,0,0,0\n")
+    assert read_imu_table(path).stamps_ns.tolist() == [2_500_000_000]
+
+
+def test_seconds_and_nanoseconds_in_two_columns_are_refused(tmp_path):
+    path = tmp_path / "imu.csv"
+    path.write_text("stamp.secs,stamp.nsecs,ax,ay,az,gx,gy,gz\n1,500000000,0,0,9.8,0,0,0\n")
+    with pytest.raises(InputError, match="write them as one number of seconds"):
+        read_imu_table(path)
