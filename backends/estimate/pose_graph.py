@@ -215,5 +215,7 @@ def _connection_report(
         frame = "its own frame" if len(group) == 1 else f"the frame of {group[0]}"
         tried = any((c.query.robot in group) != (c.match.robot in group) for c in closures)
         apart = f"no accepted closure connects {names} to {groups[0][0]}"
-        sentences.append(f"{apart if tried else f'there is no closure between {names} and other robots'}: {stays} in {frame}")
+        sentences.append(
+            f"{apart if tried else f'there is no closure between {names} and other robots'}: {stays} in {frame}"
+        )
     return tuple(sentences)

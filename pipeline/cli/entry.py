@@ -29,6 +29,7 @@ class Interruption:
 
     @classmethod
     def handle(cls, number: int, frame: FrameType | None) -> None:
+        """Ends what is at work, or the process where nothing is yet."""
         cls.came = True
         if cls.at_work:
             raise KeyboardInterrupt

@@ -67,7 +67,11 @@ def write_merged(folder: Path, merged: MergedGraphs) -> None:
 
 def _file_stem(robot: str) -> str:
     """The robot's name, unless it has characters that file systems refuse."""
-    return robot if robot.translate(str.maketrans("", "", "_-.")).isalnum() else "_".join(["robot", *(str(ord(sign)) for sign in robot)])
+    return (
+        robot
+        if robot.translate(str.maketrans("", "", "_-.")).isalnum()
+        else "_".join(["robot", *(str(ord(sign)) for sign in robot)])
+    )
 
 
 def summary(merged: MergedGraphs) -> MergedSummary:

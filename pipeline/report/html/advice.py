@@ -33,14 +33,13 @@ def _false_closures(result: RunResult) -> list[str]:
     false = result.metrics["closures"]["accepted_false"]
     if not false:
         return []
-    config = result.config
+    cliques, inliers = result.config.pcm.min_clique_size, result.config.registration.min_inlier_ratio
     stricter = (
-        "They agree with each other, as closures of places that look alike do: a stricter consistency check would let"
-        " them through as well."
-        if result.solution.doubts
-        else f"A stricter consistency check refuses more: raise pcm.min_clique_size (now {config.pcm.min_clique_size}) or"
-        f" registration.min_inlier_ratio (now {config.registration.min_inlier_ratio:g})."
+        f"A stricter consistency check refuses more: raise pcm.min_clique_size (now {cliques}) or"
+        f" registration.min_inlier_ratio (now {inliers:g})."
     )
+    if result.solution.doubts:
+        stricter = "They agree with each other, as those of look-alike places do: a stricter check would keep them."
     are = "1 accepted closure is" if false == 1 else f"{false} accepted closures are"
     return [f"{are} false by ground truth: look at both scans under Closures. {stricter}"]
 
@@ -55,12 +54,13 @@ def _doubts(result: RunResult) -> list[str]:
     unused = result.metrics["filter"] == "none"
     radio = "let the radio decide (--filter wiclosure)" if unused else "measure more by radio between them"
     remedies = {
-        jump.doubt: f"Look at the odometry of {jump.robot} there (Before, under the merged map): if the robot was carried"
-        " or slipped, make two recordings of it, one up to there and one from there; if not, look at the closures on"
-        " both sides under Closures"
+        jump.doubt: f"Look at the odometry of {jump.robot} there (Before, under the merged map): if the robot was"
+        " carried or slipped, cut the recording in two there; if not, look at the closures on both sides under Closures"
         for jump in result.solution.open_jumps
     }
-    places = f"Compare both scans of closures under Closures; let the robots share places that look different, or {radio}"
+    places = (
+        f"Compare both scans of closures under Closures; let the robots share places that look different, or {radio}"
+    )
     return [f"{doubt}. {remedies.get(doubt, places)}." for doubt in result.solution.doubts]
 
 
