@@ -97,7 +97,6 @@ def _mapping(file: _File) -> dict[str, Any]:
     if content is None:
         return {}
     if not isinstance(content, dict):
-        raise ConfigError(
-            f"{file.place} holds a {type(content).__name__}; expected keys and values (see wiclosure dump-config)"
-        )
+        what = "a list" if isinstance(content, list) else "no keys"
+        raise ConfigError(f"{file.place} holds {what}; expected keys and values (see wiclosure dump-config)")
     return content

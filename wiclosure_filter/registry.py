@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from wiclosure.errors import ConfigError
 from wiclosure.interfaces import CandidateFilter
+from wiclosure.suggestions import did_you_mean
 from wiclosure.types import Trajectory
 from wiclosure.wiclosure_filter.baselines import NoFilter, OracleFilter, RandomFilter, RangeGateFilter
 from wiclosure.wiclosure_filter.config import FilterSettings
@@ -78,5 +79,6 @@ def make_filter(
         ConfigError: no such filter, or the oracle without ground truth.
     """
     if name not in FILTERS:
-        raise ConfigError(f"there is no candidate filter {name!r}; choose one of {', '.join(FILTERS)}")
+        hint = did_you_mean(name, FILTERS)
+        raise ConfigError(f"there is no candidate filter {name!r}; {hint}choose one of {', '.join(FILTERS)}")
     return FILTERS[name](settings or FilterSettings(), ground_truth, workers)

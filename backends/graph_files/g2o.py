@@ -100,7 +100,7 @@ def read_text_graph(path: Path, name: str, remarks: Remarks) -> FileRecords:
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         tag, *words = line.split() or [""]
         if tag in LINE_LAYOUTS:
-            rows.setdefault(tag, []).append((number, words))
+            rows.setdefault(tag, []).append((number, words[: words.index("#")] if "#" in words else words))
         elif tag:
             _set_aside(records, remarks, number, line)
     lines: list[int] = []
@@ -214,7 +214,7 @@ def _fields(path: Path, tag: str, rows: Rows, counts: Sequence[int]) -> tuple[li
     for row, (number, words) in enumerate(rows):
         place = f"{path}, line {number}"
         try:
-            keys.append([require_key(int(word), place) for word in words[:n_keys]])
+            keys.append([require_key(_key(word), place) for word in words[:n_keys]])
             values = [float(word) for word in words[n_keys:]]
         except ValueError as error:
             raise InputError(_no_number(place, words, error)) from None
@@ -223,6 +223,13 @@ def _fields(path: Path, tag: str, rows: Rows, counts: Sequence[int]) -> tuple[li
             raise InputError(f"{place}: expected {expected} fields after {tag}, found {len(words)}; the file is cut?")
         numbers[row, : len(values)] = values
     return keys, numbers
+
+
+def _key(word: str) -> int:
+    try:
+        return int(word)
+    except ValueError:
+        raise ValueError(f"the key {word[:40]!r} is no whole number") from None
 
 
 def _no_number(place: str, words: Sequence[str], error: ValueError) -> str:

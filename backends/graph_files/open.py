@@ -9,12 +9,13 @@ from wiclosure.errors import InputError
 from wiclosure.formats.text_table import utf16_of
 from wiclosure.formats.unpacking import LARGEST_UNPACKED, Compression, UnpackError, largest_content, unpack
 
+_STARTS: Mapping[bytes, Compression] = {b"\x1f\x8b": "gz", b"\xfd7zXZ": "xz"}
 _SAMPLE = 4096  # bytes that tell the encoding
 PACKED: Mapping[str, Compression] = {".gz": "gz", ".xz": "xz"}
 
 
 def read_bytes(path: Path) -> bytes:
-    """What stands in the file, unpacked if it ends in .gz or .xz.
+    """What stands in the file, unpacked if it is packed by gzip or xz.
 
     Raises:
         InputError: the file cannot be read.
@@ -23,7 +24,8 @@ def read_bytes(path: Path) -> bytes:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the graph {path}: {error.strerror}; check the path") from error
-    compression = PACKED.get(path.suffix.lower())
+    magic = next((packing for start, packing in _STARTS.items() if content.startswith(start)), None)
+    compression = PACKED.get(path.suffix.lower()) or magic
     if compression is None:
         return content
     try:

@@ -96,6 +96,11 @@ def read_graphs(paths: Sequence[Path], settings: GraphFileSettings | None = None
     vertices = _vertices(files, naming, ends, remarks)
     if not vertices:
         raise InputError(f"{', '.join(map(str, paths))}: no poses in it; give pose graphs (g2o, Toro, JSON Robot Log)")
+    if len(vertices) > 1 and not edges:
+        raise InputError(
+            f"{', '.join(map(str, paths))}: {len(vertices)} poses and no edges; a pose graph states odometry and"
+            " closures as edges (EDGE_SE3:QUAT)"
+        )
     graph = NamedGraph(list(vertices), list(vertices.values()), edges, ends, stated, frozenset(naming.unnamed))
     return _team(graph, parts(graph, remarks), files, remarks)
 

@@ -42,7 +42,6 @@ class RobotRecording:
     ground_truth: Path | None = None
     time_offset: float = 0.0
     ranges: Mapping[str, str] = field(default_factory=dict)
-    ignored_radio: tuple[str, ...] = ()
     odometry: Path | None = None
     odometry_topic: str | None = None
     lidar_pose: tuple[float, ...] | None = None
@@ -58,6 +57,7 @@ class RobotRecording:
     gnss: Path | None = None
     gnss_topic: str | None = None
     gnss_antenna: tuple[float, ...] | None = None
+    ignored_radio: tuple[str, ...] = ()
 
     @property
     def time_offset_ns(self) -> int:

@@ -127,6 +127,8 @@ def _head(path: Path) -> bytes:
 def _json_lines(path: Path, source: RadioSource, known: KnownRobots, salvage: bool) -> RadioReading:
     _refuse_settings(source, "JSON Lines", {"angle_unit"})
     log = read_wireless_log(path, angle_unit=source.angle_unit)
+    if not log.measurements and not log.headings:
+        logger.warning("%s: it holds no readings", path)
     return RadioReading(_renamed(log, source, known), None, "jsonl")
 
 

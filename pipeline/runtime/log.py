@@ -61,12 +61,27 @@ class _OneLine(logging.Formatter):
         return printable(super().formatMessage(record))
 
 
+class _Once(logging.Filter):
+    """Lets each sentence through once: a file that is opened again and again has the same to be said of it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._said: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        sentence = record.getMessage()
+        is_new = sentence not in self._said
+        self._said.add(sentence)
+        return is_new
+
+
 @contextmanager
 def warnings_on_terminal() -> Iterator[None]:
-    """Shows warnings of the package as one line each on standard error."""
+    """Shows warnings of the package as one line each on standard error, none twice."""
     logger = logging.getLogger("wiclosure")
     handler = logging.StreamHandler()
     handler.setLevel(logging.WARNING)
+    handler.addFilter(_Once())
     handler.setFormatter(_OneLine("wiclosure: warning: %(message)s"))
     logger.addHandler(handler)
     try:

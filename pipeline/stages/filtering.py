@@ -13,6 +13,7 @@ from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.filter_summary import filter_summary
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.named_trajectories import named_trajectories
+from wiclosure.pipeline.mutual_check.verdicts import out_of_time
 from wiclosure.pipeline.radio.read import read_radio
 from wiclosure.pipeline.radio.source import RadioSource
 from wiclosure.pipeline.runtime.output import whole_file, whole_folder, write_json
@@ -79,6 +80,8 @@ def filter_candidates(
     robots = named_trajectories(trajectories, config.drift)
     wireless = _read_logs(logs, robots)
     result = make_filter(config.use_filter, config.filter, workers=workers).candidates(robots, wireless)
+    for sentence in out_of_time(wireless, robots):
+        logger.warning("%s", sentence)
     if outputs.candidates is not None:
         if result.pairs_kept > MANY_PAIRS:
             logger.warning(

@@ -88,7 +88,7 @@ def test_a_filter_of_the_users_own_takes_part(team: dict[str, Path]) -> None:
     [
         ({"config": {"keyframe": {}}}, ConfigError, r"unknown configuration key keyframe in the settings given"),
         ({"config": "no-such-preset"}, ConfigError, r"configuration no-such-preset not found"),
-        ({"candidate_filter": "wifi"}, ConfigError, r"there is no candidate filter 'wifi'"),
+        ({"candidate_filter": "wifi"}, ConfigError, r"there is no candidate filter 'wifi'; choose one"),
         ({"wireless": "nowhere.jsonl"}, InputError, r"nowhere.jsonl, which does not exist"),
         ({"jobs": 0}, ConfigError, r"jobs is 0"),
         ({"limit": 0}, ConfigError, r"number of scans is 0"),

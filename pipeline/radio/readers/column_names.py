@@ -27,8 +27,8 @@ _SHORT = {
     "radians": "rad",
 }
 _NAMES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "stamp": ("stamp_unit", ("stamp", "timestamp", "time", "t", "%time", "ros_time", "unix_time", "epoch", "datetime",
-                             "time_stamp", "host_time", "field.header.stamp", "header.stamp")),
+    "stamp": ("stamp_unit", ("stamp", "timestamp", "time", "t", "ts", "%time", "ros_time", "unix_time", "epoch",
+                             "datetime", "time_stamp", "host_time", "field.header.stamp", "header.stamp")),
     "range": ("unit", ("range", "distance", "dist", "dis", "d", "r", "uwb", "uwb_range", "field.range", "measurement")),
     "range_sigma": ("unit", ("range_sigma", "sigma", "std", "range_std", "stddev", "sigma_range")),
     "from": ("", ("from", "from_id", "src", "src_id", "source", "receiver", "tag", "tag_id", "origin_id", "initiator",

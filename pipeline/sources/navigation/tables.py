@@ -24,7 +24,7 @@ _ACCELERATION = r"(a|acc|accel|accelerations?|linear_?acceleration)"
 _RATE = r"(w|g|gyr|gyro|omega|rates?|turning_?rate|angular_?velocity|angular_?rate)"
 IMU_BOUNDS = np.array([STRONGEST_M_S2] * 3 + [FASTEST_RAD_S] * 3)
 _SIGMA = r"(sigma|std|sd|stddev)\b|(sigma|std|sd)_"
-_STAMP = r"#?\s*(stamp|time|timestamp|t)(\b|_).*"
+_STAMP = r"#?\s*(stamp|time|timestamp|ts?)(\b|_).*"
 IMU_COLUMNS: Mapping[str, str] = {
     "stamp": _STAMP,
     **{f"acceleration {axis}": rf"{_ACCELERATION}([^a-z].*)?_?\.?{axis}\b.*" for axis in "xyz"},

@@ -134,7 +134,7 @@ def test_a_habit_of_the_writer_is_said_once(read):
     [
         ([], "no poses in it"),
         ([vertex(A), edge(A, A + 1)[:-4]], "line 2: expected 9 or 30 fields after EDGE_SE3:QUAT, found 28"),
-        ([vertex("key")], "line 1: invalid literal for int"),
+        ([vertex("key")], "line 1: the key 'key' is no whole number"),
         ([vertex(-3)], "line 1: a key must be a number from 0"),
         (
             [vertex(A), vertex(A + 1), edge(A, A + 1, "nan 0 0 0 0 0 1")],
@@ -227,3 +227,20 @@ def test_a_measurement_and_its_inverse_are_one(read):
     assert len(read([*others, edge(B + 5, A, back)]).closures) == 2  # not the inverse
     T = se3.inverse(read(others).closures[0].measured.T_query_match)
     assert len(read([*others, edge(B + 5, A, f"{T[0, 3]:.6f} {T[1, 3]:.6f} 0 0 0 -0.6 0.8")]).closures) == 1
+
+
+def test_remarks_behind_a_line_are_passed_over(read):
+    team = read([f"{line} # measured twice" for line in [*CHAIN_A, *CHAIN_B]])
+    assert [len(path) for path in team.odometry.values()] == [3, 2]
+
+
+@pytest.mark.parametrize("key", ["3.0", "a3", "0x3"])
+def test_a_key_that_is_no_whole_number_is_named(read, key):
+    with pytest.raises(InputError, match=rf"line 6: the key '{key}' is no whole number"):
+        read([*CHAIN_A, vertex(key)])
+
+
+def test_poses_without_edges_are_no_graph(read):
+    with pytest.raises(InputError, match="3 poses and no edges; a pose graph states odometry and closures as edges"):
+        read(CHAIN_A[:3])
+    assert list(read(CHAIN_A[:1]).odometry) == ["a"]

@@ -18,6 +18,12 @@ def test_packed_and_plain_files_hold_the_same_text(tmp_path: Path, name: str, pa
     assert read_text(tmp_path / name) == TEXT  # without the mark that some editors put first
 
 
+@pytest.mark.parametrize("pack", [gzip.compress, lzma.compress])
+def test_a_packed_file_is_known_by_its_first_bytes_whatever_its_name(tmp_path: Path, pack) -> None:
+    (tmp_path / "a.g2o").write_bytes(pack(TEXT.encode()))
+    assert read_text(tmp_path / "a.g2o") == TEXT
+
+
 def test_bytes_that_are_no_text_stand_for_no_number(tmp_path: Path) -> None:
     (tmp_path / "a.g2o").write_bytes(b"1\xff2")
     assert read_text(tmp_path / "a.g2o") == "1\ufffd2"

@@ -62,7 +62,8 @@ def test_names_without_a_pose_are_refused():
 @pytest.mark.parametrize(
     ("stamp", "unit"),
     [
-        ("stamp", None), ("t", None), ("stamp[ns]", "ns"), ("stamp [ns]", "ns"), ("time_us", "us"), ("Time (ms)", "ms"),
+        ("stamp", None), ("t", None), ("ts", None), ("ts_us", "us"), ("t_ms", "ms"),
+        ("stamp[ns]", "ns"), ("stamp [ns]", "ns"), ("time_us", "us"), ("Time (ms)", "ms"),
         ("timestampNs", "ns"), ("sec", "s"), ("header.stamp.secs", "s"), ("nanoseconds", "ns"), ("time_status", None),
         ("header.stamp.nsec", "ns"),
     ],

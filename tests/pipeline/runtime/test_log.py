@@ -44,6 +44,14 @@ def test_warnings_are_one_line_on_standard_error(capsys: pytest.CaptureFixture[s
     assert capsys.readouterr() == ("", "wiclosure: warning: alpha.bag was repaired\n")
 
 
+def test_a_warning_that_repeats_is_shown_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with warnings_on_terminal(), json_log(tmp_path / "log.jsonl"):
+        for name in ("alpha", "alpha", "beta"):
+            OURS.warning("%s has no metadata", name)
+    assert capsys.readouterr().err.count("wiclosure: warning:") == 2
+    assert len((tmp_path / "log.jsonl").read_text().splitlines()) == 3
+
+
 def test_what_terminals_obey_is_escaped() -> None:
     assert printable("robot a\nb \x1b[2J\u202e done") == "robot a b \\x1b[2J\\u202e done"
 

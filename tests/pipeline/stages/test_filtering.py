@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
+from wiclosure.formats.radio.wireless_log import read_wireless_log
 from wiclosure.formats.radio.wireless_log_writer import write_wireless_log
 from wiclosure.formats.trajectories.tum import write_tum
 from wiclosure.pipeline import cli
@@ -182,3 +183,20 @@ def test_the_filter_pulls_in_no_lidar_library() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_log_of_another_time_is_said_with_what_explains_it(files: dict[str, Trajectory], wiclosure: Call) -> None:
+    log = read_wireless_log("radio.jsonl")
+    write_wireless_log(
+        "late.jsonl",
+        replace(log, measurements=tuple(replace(m, stamp_ns=m.stamp_ns + 7200 * 10**9) for m in log.measurements)),
+    )
+    code, _, err = wiclosure("-w", "late.jsonl")
+    assert code == 0
+    assert "moved by -2 hours it fits: a time zone" in err
+    assert "time_offset: -7200" in err
+
+
+def test_a_log_that_holds_nothing_is_said(files: dict[str, Trajectory], wiclosure: Call) -> None:
+    Path("empty.jsonl").write_text("")
+    assert wiclosure("-w", "empty.jsonl")[::2] == (0, "wiclosure: warning: empty.jsonl: it holds no readings\n")

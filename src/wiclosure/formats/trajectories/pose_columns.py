@@ -72,7 +72,7 @@ def _role(name: str) -> str:
     if is_fraction(name):
         return "fraction"
     plain = re.sub(r"\[.*?\]|\(.*?\)|[^a-z]", "", name.lower())
-    if plain == "t" or "time" in plain or "stamp" in plain or plain.startswith("sec"):
+    if re.fullmatch(r"ts?([mun]?s)?", plain) or "time" in plain or "stamp" in plain or plain.startswith("sec"):
         return "stamp"
     axis = plain[-1:] if plain[-1:] in {"x", "y", "z", "w"} else ""
     turns = axis == "w" or plain.startswith("q") or re.search("quat|orient|rot", plain) is not None
