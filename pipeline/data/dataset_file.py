@@ -87,6 +87,13 @@ def _robot(path: Path, robot: str, entry: object) -> RobotRecording:
     recording = RobotRecording(**values)
     if recording.odometry and recording.odometry_topic and bag_kind(recording.odometry) is None:
         raise InputError(f'{path}: {where} has "odometry" and "odometry_topic", but the first is no bag; name one')
+    if bag_kind(recording.scans) is None:
+        for key, topics in (("ranges", recording.ranges), ("ignored_radio", recording.ignored_radio)):
+            if topics:
+                raise InputError(
+                    f'{path}: {where} has "{key}", topics of its bag, but {recording.scans.name} is no bag; leave it'
+                    " out, and name logs under wireless"
+                )
     return recording
 
 

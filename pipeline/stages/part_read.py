@@ -36,7 +36,14 @@ def without_later_radio(inputs: Inputs, fronts: Mapping[str, FrontEndResult]) ->
     log = inputs.wireless
     kept = tuple(m for m in log.measurements if not is_later(m))
     headings = tuple(h for h in log.headings if h.robot not in ends_ns or h.stamp_ns <= ends_ns[h.robot])
-    if later := len(log.measurements) - len(kept):
+    later = len(log.measurements) - len(kept)
+    if later and not kept:
+        logger.warning(
+            "all %d radio measurements are later than the %d scans that are read of each robot, and left out: whether"
+            " their clock is off shows where more scans are read (-n)",
+            later, inputs.limit,
+        )  # fmt: skip
+    elif later:
         logger.warning(
             "%d of %d radio measurements are later than the %d scans that are read of each robot; left out",
             later, len(log.measurements), inputs.limit,

@@ -290,7 +290,7 @@ def _text(path: Path, largest: int, kind: str) -> str:
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not {kind}: byte {error.start} is no UTF-8 text") from error
+        raise InputError(f"{path} is not {kind}: byte {error.start} is no UTF-8 text; save it as UTF-8") from error
 
 
 def _in_one_line(error: Exception) -> str:

@@ -57,6 +57,7 @@ def test_one_log_needs_no_list(folder: Path) -> None:
         ("lidar_pose: [0, 0, .inf, 0, 0, 0, 1]", "expected seven numbers"),
         ("ranges: {/uwb: 3}", "is 3; expected text"),
         ("ranges: /uwb", "is '/uwb'; expected keys with values"),
+        ("ignored_radio: /uwb", r"is '/uwb'; expected a list of topics, as \[/uwb\]"),
     ],
 )
 def test_a_bad_value_is_named(folder: Path, entry: str, says: str) -> None:
@@ -88,3 +89,11 @@ def test_what_never_ends_is_no_input(tmp_path: Path, key: str, name: str) -> Non
     (tmp_path / "dataset.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match=f"{name}, which is neither a file nor a folder; name one"):
         read_dataset_file(tmp_path / "dataset.yaml")
+
+
+@pytest.mark.parametrize(("key", "value"), [("ranges", "{/uwb: b}"), ("ignored_radio", "[/uwb]")])
+def test_topics_of_a_robot_without_a_bag_are_refused(folder: Path, key: str, value: str) -> None:
+    (folder / "clouds").mkdir()
+    (folder / "dataset.yaml").write_text(f"robots: {{a: {{scans: clouds, {key}: {value}}}}}")
+    with pytest.raises(InputError, match=f'robot a has "{key}", topics of its bag, but clouds is no bag; leave it out'):
+        read_dataset_file(folder / "dataset.yaml")

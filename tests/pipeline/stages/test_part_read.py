@@ -43,6 +43,13 @@ def test_later_radio_of_robots_that_are_read_in_part_is_left_out(caplog: pytest.
     assert "2 of 4 radio measurements are later than the 100 scans that are read of each robot" in caplog.text
 
 
+def test_where_all_of_it_is_later_a_wrong_clock_would_not_show(caplog: pytest.LogCaptureFixture) -> None:
+    assert (
+        without_later_radio(Inputs((), WirelessLog(LOG.measurements[2:]), limit=60), FRONTS).wireless == WirelessLog()
+    )
+    assert "all 2 radio measurements are later than the 60 scans" in caplog.text
+
+
 @pytest.mark.parametrize("limit", [None, 101])
 def test_of_whole_recordings_all_of_it_counts(limit: int | None) -> None:
     assert without_later_radio(Inputs((), LOG, limit=limit), FRONTS).wireless == LOG
