@@ -31,7 +31,7 @@ def optimize(
     A robot is what its own edges connect: GTSAM's symbols name robots, and where numbers are plain, edges tell them.
 
     Writes graph.g2o with the fate of every closure, <robot>.tum and <robot>_kitti.txt, closures.csv, summary.json,
-    report.html, and results.jrr for a JSON Robot Log.
+    config.yaml, report.html, and results.jrr for a JSON Robot Log.
 
     For example:
 
@@ -40,7 +40,7 @@ def optimize(
       wiclosure optimize graph.g2o --set pcm.probability=0.95 --set pose_graph.anchor=b
     """
     from wiclosure.pipeline.cli.result_folder import result_folder
-    from wiclosure.pipeline.config import resolve
+    from wiclosure.pipeline.config import dump_config, resolve
     from wiclosure.pipeline.report.html.report import write_optimisation_report
     from wiclosure.pipeline.report.merged_tables import merged_tables
     from wiclosure.pipeline.report.terminal import show
@@ -51,6 +51,7 @@ def optimize(
     with result_folder(result, list(map(str, graphs))) as (folder, scratch):
         merged = merge_graphs(graphs, settings)
         write_merged(scratch, merged)
+        (scratch / "config.yaml").write_text(dump_config(settings), encoding="utf-8")
         write_optimisation_report(scratch, merged, settings)
     if showing.as_json:
         typer.echo(json.dumps(summary(merged), indent=2, allow_nan=False))

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from wiclosure.errors import InputError, OutputError
 from wiclosure.formats.candidates_csv import write_candidates
 from wiclosure.formats.filter_summary import filter_summary
-from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.config import Config, dump_config
 from wiclosure.pipeline.data.named_trajectories import named_trajectories
 from wiclosure.pipeline.mutual_check.verdicts import out_of_time
 from wiclosure.pipeline.radio.read import read_radio
@@ -99,6 +99,7 @@ def filter_candidates(
 
         with whole_folder(outputs.pictures, overwrite=outputs.overwrite) as scratch:
             save_pictures(result, robots, wireless, config.filter, scratch)
+            (scratch / "config.yaml").write_text(dump_config(config), encoding="utf-8")
             if report is not None:
                 report(scratch, result, robots, wireless, config)
     return result

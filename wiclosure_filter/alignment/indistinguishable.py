@@ -36,6 +36,9 @@ _UNKNOWN_M2 = 1e8  # variance of what was not measured
 _TURNED_RAD = float(np.radians(20.0))
 _RARE, USUAL, REFLECTED = 0.005, 0.02, 0.03  # shares of logs; the last of walls that hide b throughout
 
+MOVED_ALIKE = "the robots moved so that the measurements would fit as well, but put them elsewhere, if"
+"""How the sentence begins where nothing is known to be wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class Blunder:
@@ -196,8 +199,7 @@ class Blunders:
         if self.image_odds * min_odds >= _RESERVE:
             told.append(f"{self.readings[-1].clause} (anywhere nearer)")
         return (
-            "the robots moved so that the measurements would fit as well, but put them elsewhere, if"
-            f" {'; '.join(told)}. Odds {1 / odds:.0f} to 1 that none of it is so: other paths would tell"
+            f"{MOVED_ALIKE} {'; '.join(told)}. Odds {1 / odds:.0f} to 1 that none of it is so: other paths would tell"
         )
 
     def hypothesis(self, row: int, claimed: AlignmentHypothesis) -> AlignmentHypothesis:

@@ -10,6 +10,7 @@ from wiclosure.pipeline.report.html.closures_data import reason_kind
 from wiclosure.pipeline.report.html.verdict import counted_noun
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
 from wiclosure.types import Closure, FrameAlignment, Stage
+from wiclosure.wiclosure_filter.alignment.indistinguishable import MOVED_ALIKE
 
 MOST_STEPS = 6
 _WHERE = {
@@ -162,6 +163,13 @@ def ambiguities(alignments: Sequence[FrameAlignment]) -> list[str]:
 
 
 def _fault(alignment: FrameAlignment) -> str:
+    if alignment.suspected_fault.startswith(MOVED_ALIKE):
+        return (
+            f"Nothing is known to be wrong with the radio of {alignment.robot_a} and {alignment.robot_b}, but"
+            f" {alignment.suspected_fault.rstrip('.')}. Let one of them drive a loop or a turn while they hear each"
+            " other, or a third robot join; where you know that the log is right: --set"
+            " filter.alignment.guard.weigh_blunders=false."
+        )
     return (
         f"Radio or odometry of {alignment.robot_a} and {alignment.robot_b} seems wrong, so nothing is pruned by it:"
         f" {alignment.suspected_fault.rstrip('.')}. wiclosure radio check LOG -t NAME=FILE holds the log against the"

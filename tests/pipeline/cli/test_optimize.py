@@ -12,6 +12,7 @@ from wiclosure import se3
 from wiclosure.backends.graph_files.team import read_graphs
 from wiclosure.formats.trajectories.tum import read_tum
 from wiclosure.pipeline import cli
+from wiclosure.pipeline.config import load_config
 from wiclosure.pipeline.report.html.page import read_page
 
 SIGMA = np.repeat([0.01, 0.05], 3)
@@ -73,6 +74,7 @@ def test_two_graphs_become_one_without_the_false_closures(graphs, tmp_path, monk
     assert code == 0
     found = json.loads(printed.out)
     assert found == json.loads((out / "summary.json").read_text())
+    assert load_config(str(out / "config.yaml")) == load_config()  # what the page says to run again with
     assert found["components"] == [["a", "b"]]
     assert found["closures"]["accepted"] == 10
     assert [(row["first"], row["second"]) for row in found["closures"]["rejected"]] == [("a5", "b30"), ("a20", "b10")]

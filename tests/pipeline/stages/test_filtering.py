@@ -101,6 +101,7 @@ def test_pictures_are_drawn_with_a_page(files: dict[str, Trajectory], wiclosure:
     (picture,) = Path("pictures").glob("*.png")
     assert picture.stat().st_size > 10_000
     report = read_page(Path("pictures/report.html"))
+    assert "closure_odds" in Path("pictures/config.yaml").read_text()  # what the page says to run again with
     assert report["title"] == "alpha and beta: pairs that the filter wiclosure keeps"
     assert report["runs"][0]["radio"][0]["certain"]
 

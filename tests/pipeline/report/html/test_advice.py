@@ -11,6 +11,7 @@ from wiclosure.pipeline.report.html.advice import doubts, next_steps
 from wiclosure.pipeline.report.html.verdict import run_verdict
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.types import CandidatePairs, Stage, WirelessLog
+from wiclosure.wiclosure_filter.alignment.indistinguishable import MOVED_ALIKE
 
 Runs = Callable[..., RunResult]
 
@@ -90,6 +91,15 @@ def test_a_fault_of_the_radio_is_named_with_the_way_out(lost_run: RunResult) -> 
     said = next_steps(filtered(lost_run, alignments=(sound, faulty)))[-1]
     assert said.startswith("Radio or odometry of beta and gamma seems wrong")
     assert "all azimuths are mirrored. wiclosure radio check" in said
+
+
+def test_robots_that_moved_alike_are_no_fault(lost_run: RunResult) -> None:
+    sound, unsure = lost_run.solution.filtered.alignments
+    alike = replace(unsure, suspected_fault=f"{MOVED_ALIKE} azimuths were clockwise (27 m). Odds 13 to 1")
+    said = next_steps(filtered(lost_run, alignments=(sound, alike)))[-1]
+    assert said.startswith(f"Nothing is known to be wrong with the radio of beta and gamma, but {MOVED_ALIKE}")
+    assert "seems wrong" not in said
+    assert "a third robot" in said
 
 
 def test_a_log_without_measurements(run_of: Runs) -> None:
