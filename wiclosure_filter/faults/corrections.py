@@ -218,7 +218,8 @@ def _without_compasses() -> Correction:
 
 def _of_odometry(robot: str) -> list[Correction]:
     mirrored = Correction(
-        f"odometry of {robot} seems to have y to the right (left-handed axes, or NED), not to the left",
+        f"odometry of {robot} seems to have y to the right (left-handed axes, or NED), or what was heard of it is its"
+        " image in a wall",
         lambda inputs: _moved(inputs, robot, _mirrored),
         of_log=False,
         mirrored=True,

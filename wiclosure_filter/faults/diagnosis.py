@@ -1,8 +1,8 @@
 """Which systematic error, if any, explains what two robots measured better than what their log claims.
 
-Tried only where the measurements do not fit the best alignment: each correction is made, the frames are aligned again,
-and its alignment must be certain, must fit, and must be far likelier.  Where none does, the counts tell at least which
-kind of measurement to look at.
+Tried only where the measurements do not fit the best alignment, and of an image in a wall where they fit worse than
+usual: each correction is made, the frames are aligned again, and its alignment must be certain, must fit, and must be
+far likelier.  Where none does, the counts tell at least which kind of measurement to look at.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLink
 from wiclosure.wiclosure_filter.links.links import Links
 
 STRAINED = 0.05  # probability of a strain from which corrections are tried
+_USUAL_FIT = 0.5  # probability of a fit, as of every other honest radio behind walls
 LIKELIER = np.log(1000.0)  # odds by which a fault must explain more: one log in some hundred has one
 _PROPOSALS, _MEASUREMENTS = 1000, 40  # a correction that is right needs no long search
 _WIDTH_RAD, _WIDTH_M = 0.1, 0.5  # of peaks among residuals
@@ -37,7 +38,21 @@ _LEAST_OFF_RAD, _LEAST_OFF_M = 0.15, 1.0
 
 
 def worth_a_diagnosis(alignment: FrameAlignment) -> bool:
-    """Whether a correction may explain more: not where all that is wrong is that blunders would fit just as well."""
+    """Whether a correction may explain more: where measurements do not fit, or an image in a wall may explain them."""
+    return _misfits(alignment) or _may_be_an_image(alignment)
+
+
+def _may_be_an_image(alignment: FrameAlignment) -> bool:
+    """Whether so many measurements are left unexplained that b's image may explain them, by an alignment that prunes.
+
+    What b's path shares with its image fits an alignment metres away, as well as a radio behind walls would.
+    """
+    prunes = not alignment.ambiguous or bool(alignment.likely_alternatives)
+    return prunes and alignment.fit is not None and alignment.fit.probability < _USUAL_FIT
+
+
+def _misfits(alignment: FrameAlignment) -> bool:
+    """Not where all that is wrong is that blunders would fit just as well."""
     # What fits already can gain no more by a correction than its strain.
     if alignment.strain_probability < STRAINED and alignment.strain / 2 > LIKELIER:
         return True
@@ -75,6 +90,8 @@ def tried(
     if claimed.best is None:
         return [], claimed
     possible = corrections(alignment.robot_a, alignment.robot_b, inputs[1])
+    if not _misfits(alignment):
+        return [one for one in possible if one.mirrored], claimed
     if alignment.bent_ns is not None:
         first_ns = int(_links(inputs, quick).stamp_a_ns.min())
         possible.append(slipped(*((stamp_ns - first_ns) / 1e9 for stamp_ns in alignment.bent_ns)))
