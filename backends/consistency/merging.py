@@ -93,7 +93,7 @@ def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) ->
 
     def under(more: FloatArray) -> VarianceComponents:
         of = robots.scaled(merged.factors * more)
-        return _settled(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
+        return settled_within(of, merged.group, merged.inlier, merged.settled.poses, np.inf).components
 
     bounds = settings.least_scale / merged.factors, settings.most_scale / merged.factors
     more = separate_factors(merged.settled.components, under, bounds)
@@ -118,7 +118,7 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
         new_group, poses, joining = joined_groups(robots, group, settled, holding, settings.agree_limit)
         inlier = settled.inlier.copy()
         inlier[np.concatenate([c.rows for c in joining])] = True
-        after = _settled(robots, new_group, inlier, poses, limit)
+        after = settled_within(robots, new_group, inlier, poses, limit)
         standing = [c for c in joining if stands(robots, c, after.inlier, group, settled, settings)]
         if connect(standing, group, new_group):
             group, settled = new_group, after
@@ -126,7 +126,7 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
             torn[np.concatenate([c.rows for c in joining if c not in standing])] = True
     room = sigma_scale.of_residuals(settled.distance[settled.inlier], robots.degrees) or 1.0
     if settings.most_scale > 1 and room > CONVERGED:
-        settled = _settled(robots, group, settled.inlier, settled.poses, room**2 * limit)
+        settled = settled_within(robots, group, settled.inlier, settled.poses, room**2 * limit)
     else:
         room = 1.0
     reasons = _reasons(robots, group, settled, candidates, torn)
@@ -135,7 +135,7 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
     )
 
 
-def _settled(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:
+def settled_within(robots: Robots, group: IntArray, inlier: BoolArray, poses: FloatArray, limit: float) -> Settled:
     """The estimate within the groups, from these inliers of theirs and poses; without a limit, of no other closures."""
     first, second = robots.groups_of_ends(group)
     held = np.array([robots.first_nodes[np.flatnonzero(group == g)[0]] for g in np.unique(group)])

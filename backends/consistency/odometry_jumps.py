@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from wiclosure import se3
+from wiclosure.backends.consistency.explanation import Explanation
 from wiclosure.backends.consistency.jump_places import most_strained, place_to_cut
-from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
@@ -29,58 +29,11 @@ WITNESSES = 2  # robots, itself among them, that either part has closures with: 
 
 
 @dataclass(frozen=True, eq=False)
-class _Explanation:
-    """A team with some robots cut, merged."""
-
-    robots: Robots
-    merged: MergedGroups
-    nodes: tuple[int, ...] = ()
-
-    def cut(self, node: int, settings: MergeSettings) -> _Explanation:
-        """With one cut more."""
-        robots = self.robots.cut(node)
-        return _Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
-
-    @cached_property
-    def restated(self) -> Robots:
-        """With standard deviations as the merge found them."""
-        return self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
-
-    def cost(self, settings: MergeSettings) -> float:
-        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
-        merged, of = self.merged, self.restated
-        odometry, loops = (
-            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
-            for edges in (of.odometry, of.loops)
-        )
-        scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
-        loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
-        of_loops = np.where(merged.inlier, loops + scaled, cost_of_rejected(of, settings))
-        return float((odometry + loosened + scaled).sum() + of_loops.sum())
-
-    def gained(self, before: _Explanation, settings: MergeSettings) -> float:
-        """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
-        if self is before:
-            return 0.0
-        gained = before.cost(settings) - self.cost(settings)
-        return gained if gained > self.one_place(settings) else 0.0
-
-    def one_place(self, settings: MergeSettings) -> float:
-        """What rejecting as many closures costs as one place may have."""
-        return SATURATED * cost_of_rejected(self.robots, settings)
-
-
-def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
-    """Of one closure, as a squared distance."""
-    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-
-
-@dataclass(frozen=True, eq=False)
 class _Proposal:
     """Cuts of one robot, by how much they lower the cost, and whether enough speaks for them."""
 
     gained: float
-    explanation: _Explanation
+    explanation: Explanation
     told: bool
 
 
@@ -90,18 +43,20 @@ class JumpDecisions:
 
     Args:
         merged: of the uncut team.
+        cost: of the explanation, parts of robots that were cut taken apart.
         believed: jumps.
         open: one that would explain what closures say, of which nothing tells whether it is that or false closures.
     """
 
     merged: MergedGroups
+    cost: float
     believed: list[Jump]
     open: list[Jump]
 
 
-def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> JumpDecisions:
-    """`merge_groups` and, where closures tell of jumps, what they are."""
-    found = _Explanation(robots, merge_groups(robots, settings))
+def merge_despite_jumps(found: Explanation, settings: MergeSettings) -> JumpDecisions:
+    """A team of whole robots and, where closures tell of jumps, what they are."""
+    robots = found.robots
     while True:
         proposals = _proposals(robots, found, settings)
         better = _undisputed(proposals, found, settings)
@@ -112,12 +67,13 @@ def merge_despite_jumps(robots: Robots, settings: MergeSettings) -> JumpDecision
     left = [(p.explanation, node) for p in proposals[:1] for node in p.explanation.nodes if node not in found.nodes]
     return JumpDecisions(
         merged,
+        found.cost(settings),
         [_jump(robots, found, node) for node in sorted(found.nodes)],
         [_jump(robots, explanation, node) for explanation, node in left],
     )
 
 
-def _proposals(robots: Robots, found: _Explanation, settings: MergeSettings) -> list[_Proposal]:
+def _proposals(robots: Robots, found: Explanation, settings: MergeSettings) -> list[_Proposal]:
     """Of each robot, those that explain most first."""
     proposals = []
     for robot in range(robots.count):
@@ -130,7 +86,7 @@ def _proposals(robots: Robots, found: _Explanation, settings: MergeSettings) -> 
     return sorted(proposals, key=lambda proposal: proposal.gained, reverse=True)
 
 
-def _undisputed(proposals: list[_Proposal], found: _Explanation, settings: MergeSettings) -> _Explanation | None:
+def _undisputed(proposals: list[_Proposal], found: Explanation, settings: MergeSettings) -> Explanation | None:
     """That which explains most, if enough speaks for it and no other robot's cuts explain the same about as well."""
     if not proposals or not proposals[0].told:
         return None
@@ -146,7 +102,7 @@ def _undisputed(proposals: list[_Proposal], found: _Explanation, settings: Merge
     return best
 
 
-def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: MergeSettings) -> _Explanation:
+def _with_cuts(robots: Robots, found: Explanation, nodes: IntArray, settings: MergeSettings) -> Explanation:
     """Cut within the nodes of one robot as long as it gains, where the estimate refutes odometry's step."""
     best = found
     while True:
@@ -165,7 +121,7 @@ def _with_cuts(robots: Robots, found: _Explanation, nodes: IntArray, settings: M
     return best
 
 
-def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation, settings: MergeSettings) -> bool:
+def _joined(robots: Robots, found: Explanation, node: int, before: Explanation, settings: MergeSettings) -> bool:
     """Whether both parts are in one group, each by closures at more places than one that looks alike has.
 
     Those that were rejected before must be with two robots: of one alone they may be of a long place that looks alike.
@@ -196,7 +152,7 @@ def _joined(robots: Robots, found: _Explanation, node: int, before: _Explanation
     return True
 
 
-def _contradicted(robots: Robots, found: _Explanation, node: int) -> bool:
+def _contradicted(robots: Robots, found: Explanation, node: int) -> bool:
     """Whether the estimate refutes odometry's step to a node."""
     step = robots.scaled(found.merged.factors).odometry.subset(robots.steps_across(node))
     settled, (a, b) = found.merged.settled, (step.first, step.second)
@@ -207,7 +163,7 @@ def _contradicted(robots: Robots, found: _Explanation, node: int) -> bool:
     return bool(distance > outlier_limit(len(robots.odometry), 1.0 - EXPECTED_BY_CHANCE, robots.degrees))
 
 
-def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
+def _jump(robots: Robots, found: Explanation, node: int) -> Jump:
     step, poses = robots.odometry.subset(robots.steps_across(node)), found.merged.settled.poses
     error = se3.log(se3.between(step.T, se3.between(poses[step.first], poses[step.second])))[0]
     held = np.unique(robots.loop_ends[:, found.merged.inlier])
@@ -217,7 +173,7 @@ def _jump(robots: Robots, found: _Explanation, node: int) -> Jump:
     return Jump(node, error, (int(last), int(following)))
 
 
-def _of_whole_robots(robots: Robots, found: _Explanation) -> MergedGroups:
+def _of_whole_robots(robots: Robots, found: Explanation) -> MergedGroups:
     """The merge by robot, where it is by part: all parts of a robot are in one group."""
     merged, first_parts = found.merged, found.robots.robot[robots.first_nodes]
     whole = robots.robot[found.robots.first_nodes]

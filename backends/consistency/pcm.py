@@ -11,8 +11,8 @@ import numpy as np
 from wiclosure.backends.closure_sets import ClosureSet, Decision, closure_sets, decided
 from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
+from wiclosure.backends.consistency.despite_errors import Measured, merge_despite_errors
 from wiclosure.backends.consistency.merging import MergedGroups
-from wiclosure.backends.consistency.odometry_jumps import merge_despite_jumps
 from wiclosure.backends.consistency.pair_report import PairConsistency
 from wiclosure.backends.consistency.unchecked_loops import unchecked
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
@@ -20,6 +20,7 @@ from wiclosure.backends.odometry_jump import OdometryJump
 from wiclosure.backends.sets.candidate_sets import CandidateSet
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
+from wiclosure.backends.steady_error import SteadyError
 from wiclosure.blas import one_blas_thread
 from wiclosure.types import BoolArray, Closure, IntArray, Stage, Trajectory
 
@@ -37,6 +38,7 @@ class PcmResult:
         basis: the estimate that the decisions rest on, where `method: groups` made one.
         jumps: steps of odometry that closures contradict, which are not believed.
         open_jumps: those that would explain what closures say as well as false closures do; odometry is believed.
+        steady_errors: of odometry, which closures tell of; it is corrected.
         unchecked: share of loops at any places that would be accepted within a robot, by robot of which that is most.
     """
 
@@ -46,6 +48,7 @@ class PcmResult:
     basis: tuple[TeamArrays, MergedGroups] | None = None
     jumps: tuple[OdometryJump, ...] = ()
     open_jumps: tuple[OdometryJump, ...] = ()
+    steady_errors: tuple[SteadyError, ...] = ()
     unchecked: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -58,9 +61,11 @@ class PcmResult:
         return {robot: factor for robot, factor in factors if factor != 1}
 
     def restated(self, trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
-        """Odometry with standard deviations as they are taken here, the common `scale` aside."""
-        factors = self.odometry_factors
-        found = {robot: t.loosened(factors[robot]) if robot in factors else t for robot, t in trajectories.items()}
+        """Odometry without the errors found, with standard deviations as they are taken, the common `scale` aside."""
+        factors, found = self.odometry_factors, dict(trajectories)
+        for error in self.steady_errors:
+            found[error.robot] = error.corrected(found[error.robot])
+        found |= {robot: found[robot].loosened(factor) for robot, factor in factors.items()}
         for jump in self.jumps:
             found[jump.robot] = found[jump.robot].loosened_step(jump.index, jump.covariance)
         return found
@@ -89,7 +94,7 @@ class PcmResult:
     @property
     def remarks(self) -> tuple[str, ...]:
         """One sentence for each pair of robots."""
-        sentences = tuple(jump.sentence for jump in self.jumps)
+        sentences = tuple(jump.sentence for jump in self.jumps) + tuple(e.sentence for e in self.steady_errors)
         sentences += tuple(
             f"the odometry of {robot} errs more than it states: its standard deviations are taken {factor:.2g} times"
             " as large, so its own loops agree"
@@ -157,10 +162,11 @@ def pairwise_consistent(
     if not sets:
         return PcmResult(tuple(decided(closures, Stage.CONSISTENCY, decisions)), ())
     predicted = np.array([c.prediction is not None or row in supported for row, c in enumerate(closures)])
-    team = TeamArrays.of(trajectories, sets, predicted)
+    measured = Measured(trajectories, sets, predicted)
+    team = measured.team()
     of_merge = merge_settings(settings, team.robots.degrees)
-    decided_on = merge_despite_jumps(team.robots, of_merge)
-    merged = decided_on.merged
+    despite = merge_despite_errors(measured, team, of_merge)
+    team, merged = despite.team, despite.decisions.merged
     for n, (row, inlier) in enumerate(zip(team.rows.tolist(), merged.inlier.tolist(), strict=True)):
         decisions[row] = Decision(inlier, "agrees with the others" if inlier else merged.reason[n])
     checked = _with_support(decided(closures, Stage.CONSISTENCY, decisions), sets, decisions)
@@ -168,11 +174,9 @@ def pairwise_consistent(
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions, merged.inlier) for z in sets)
-    of_both = decided_on.believed, decided_on.open
-    jumps, left_open = (tuple(OdometryJump.of_team(team, jump, trajectories) for jump in of) for of in of_both)
-    vague = unchecked(team.robots, merged, of_merge)
-    of_names = {team.names[robot]: share for robot, share in vague.items()}
-    return PcmResult(tuple(checked), reports, merged.scale, (team, merged), jumps, left_open, of_names)
+    vague = {team.names[robot]: share for robot, share in unchecked(team.robots, merged, of_merge).items()}
+    basis, errors = (team, merged), (despite.jumps, despite.open_jumps, despite.steady)
+    return PcmResult(tuple(checked), reports, merged.scale, basis, *errors, vague)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:

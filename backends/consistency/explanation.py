@@ -1,0 +1,73 @@
+"""A team as it may have been, merged: what its measurements cost then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.least_squares.edges import mahalanobis_squared
+from wiclosure.backends.least_squares.robots import Robots
+from wiclosure.backends.least_squares.settling import outlier_limit
+from wiclosure.backends.sets.candidate_sets import SATURATED
+from wiclosure.backends.sets.merge_settings import MergeSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A team with some robots cut, merged.
+
+    Args:
+        robots: the team.
+        merged: what came of it.
+        nodes: those before which robots are cut, of the uncut team.
+    """
+
+    robots: Robots
+    merged: MergedGroups
+    nodes: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, robots: Robots, settings: MergeSettings) -> Explanation:
+        """With no robot cut."""
+        return cls(robots, merge_groups(robots, settings))
+
+    def cut(self, node: int, settings: MergeSettings) -> Explanation:
+        """With one cut more."""
+        robots = self.robots.cut(node)
+        return Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
+
+    @cached_property
+    def restated(self) -> Robots:
+        """With standard deviations as the merge found them."""
+        return self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+
+    def cost(self, settings: MergeSettings) -> float:
+        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
+        merged, of = self.merged, self.restated
+        odometry, loops = (
+            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
+            for edges in (of.odometry, of.loops)
+        )
+        scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
+        loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
+        of_loops = np.where(merged.inlier, loops + scaled, cost_of_rejected(of, settings))
+        return float((odometry + loosened + scaled).sum() + of_loops.sum())
+
+    def gained(self, before: Explanation, settings: MergeSettings) -> float:
+        """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
+        if self is before:
+            return 0.0
+        gained = before.cost(settings) - self.cost(settings)
+        return gained if gained > self.one_place(settings) else 0.0
+
+    def one_place(self, settings: MergeSettings) -> float:
+        """What rejecting as many closures costs as one place may have."""
+        return SATURATED * cost_of_rejected(self.robots, settings)
+
+
+def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
+    """Of one closure, as a squared distance."""
+    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
