@@ -13,7 +13,7 @@ from wiclosure.backends.sets.dense_sets import dense_sets
 from wiclosure.types import FloatArray, IntArray
 
 ANCHORS = 250  # closures that all others are compared with
-MOST_SETS = 4
+MOST_SETS = 32  # looked at: where clusters of false closures are many, the right set is seldom among the largest
 FEW = 4  # closures, of which each may be a set of its own: third robots may tell
 
 

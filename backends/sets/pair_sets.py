@@ -22,6 +22,8 @@ from wiclosure.backends.sets.claims import Claims
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.types import BoolArray, IntArray
 
+MOST_KEPT = 4  # sets of a pair of groups, of those found: cycles are made of three each
+
 
 def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
     """Rows of the closures between each two groups."""
@@ -58,6 +60,7 @@ def sets_between(
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
         _check_by_itself(robots, candidate, group, settled, settings)
+    found = _most_telling(found)
     _compare_sizes(found, settings.ambiguous_share)
     return found
 
@@ -154,6 +157,12 @@ def _objection(robots: Robots, candidate: CandidateSet, min_size: int, view_m: f
         f"all {size} closures that agree lie within {span:.1f} m, as those of one look-alike place would;"
         " nothing else supports them"
     )
+
+
+def _most_telling(found: Sequence[CandidateSet]) -> list[CandidateSet]:
+    """The few largest, those first that nothing speaks against within the pair; single closures are few anyway."""
+    several = sorted((c for c in found if len(c) > 1), key=lambda c: (not c.objection, len(c)), reverse=True)
+    return [*several[:MOST_KEPT], *(c for c in found if len(c) == 1)]
 
 
 def _compare_sizes(found: Sequence[CandidateSet], ambiguous_share: float) -> None:

@@ -148,6 +148,24 @@ def test_closures_that_third_robots_settle_are_no_rival_of_themselves(team_maker
     assert pairwise_consistent(at_one_place, team.odometry, PcmSettings()).pairs[0].kept == 0
 
 
+def test_the_right_set_is_found_among_many_clusters_as_large(team_maker):
+    """Five closures at three places hold; six look-alike places have five each, and only so many sets are kept."""
+    team, rng = team_maker(7, noise=1.0, n=120), np.random.default_rng(7)
+    true = [
+        team.closure(("alpha", i), ("beta", j), noise=rng) for i, j in ((3, 5), (4, 6), (5, 7), (60, 80), (100, 30))
+    ]
+    alpha, beta = (team.truth[r].poses for r in ("alpha", "beta"))
+    alike = []
+    for _ in range(6):
+        i, j = rng.integers(0, 110, 2)
+        shift = alpha[i] @ se3.from_yaw(rng.uniform(-np.pi, np.pi), rng.normal(0, 1, 3)) @ se3.inverse(beta[j])
+        for k in range(5):
+            closure = team.closure(("alpha", int(i + k)), ("beta", int(j + k)), noise=rng)
+            alike.append(team.remeasured(closure, T_query_match=se3.between(alpha[i + k], shift @ beta[j + k])))
+    found = pairwise_consistent([*alike, *true], team.odometry, PcmSettings(noise=EXACT))
+    assert [c.live for c in found.closures] == [False] * 30 + [True] * 5
+
+
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), parts=st.lists(st.integers(0, 25), max_size=4), max_scale=st.sampled_from([1, 8])
