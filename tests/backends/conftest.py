@@ -41,6 +41,20 @@ class Team:
         T = random_transforms(rng, 1, 10.0)[0]
         return Closure.from_measurement(KeyframeId(*query), KeyframeId(*match), T, CLOSURE_COVARIANCE)
 
+    def random_closures(
+        self,
+        n: int,
+        rng: np.random.Generator,
+        a: str = "alpha",
+        b: str = "beta",
+        *,
+        noise: object = None,
+        limit: int | None = None,
+    ) -> list[Closure]:
+        """True closures of random keyframes of two robots, of their first `limit` ones where it is given."""
+        pairs = rng.integers(0, limit or len(self.odometry[a]), (n, 2)).tolist()
+        return [self.closure((a, i), (b, j), noise=noise) for i, j in pairs]
+
     @staticmethod
     def remeasured(closure: Closure, **changes: object) -> Closure:
         """The closure with another measured pose, covariance or evidence."""

@@ -18,11 +18,6 @@ EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def random_closures(team, n, rng, *, noise=None):
-    pairs = rng.integers(0, 60, (n, 2))
-    return [team.closure(("alpha", int(a)), ("beta", int(b)), noise=noise) for a, b in pairs]
-
-
 def cycles_of(closures, odometry):
     (closure_set,), _ = closure_sets(closures, odometry, EXACT)
     return Cycles.of(closure_set, odometry)
@@ -44,7 +39,7 @@ def test_perfect_closures_in_any_geometry_leave_no_residual(team_maker, seed, sp
     stamps = np.arange(60, dtype=np.int64) * 10**9
     truth = {r: Trajectory(r, stamps, T) for r, T in zip(team.truth, poses, strict=True)}
     odometry = {r: truth[r].moved(T) for r, T in zip(truth, frames, strict=True)}
-    cycles = cycles_of(random_closures(replace(team, truth=truth), 10, rng), odometry)
+    cycles = cycles_of(replace(team, truth=truth).random_closures(10, rng), odometry)
     for row in range(10):
         assert np.abs(se3.log(cycles.closing_transforms(row, np.arange(10)))).max() <= 1e-9
 
@@ -53,7 +48,7 @@ def test_perfect_closures_in_any_geometry_leave_no_residual(team_maker, seed, sp
 @given(seed=SEEDS)
 def test_distances_do_not_depend_on_the_odometry_frames(team_maker, seed):
     team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
-    closures = random_closures(team, 10, rng, noise=rng)
+    closures = team.random_closures(10, rng, noise=rng)
     moved = {r: t.moved(se3.from_yaw(rng.uniform(-3, 3), rng.normal(size=3) * 100.0)) for r, t in team.odometry.items()}
     here, there = (all_squared(cycles_of(closures, odometry)) for odometry in (team.odometry, moved))
     np.testing.assert_allclose(here, there, rtol=1e-5, atol=1e-6)
@@ -87,7 +82,7 @@ def test_noisy_closures_have_the_variance_that_sigma_promises(team_maker):
     squared = []
     for seed in range(200):
         team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
-        cycles = cycles_of(random_closures(team, 2, rng, noise=rng), team.odometry)
+        cycles = cycles_of(team.random_closures(2, rng, noise=rng), team.odometry)
         squared.append(cycles.mahalanobis_squared(1, np.array([0]))[0])
     # The mean of chi-square with 6 degrees of freedom is 6, that of 200 draws within 0.25 of it (one sigma).
     assert 5.2 < np.mean(squared) < 6.8
@@ -98,7 +93,7 @@ def test_noisy_closures_have_the_variance_that_sigma_promises(team_maker):
 def test_the_limit_leaves_out_only_what_exceeds_it(team_maker, seed):
     team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
     false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (6, 2))]
-    cycles = cycles_of(random_closures(team, 6, rng, noise=rng) + false, team.odometry)
+    cycles = cycles_of(team.random_closures(6, rng, noise=rng) + false, team.odometry)
     everyone = np.arange(12)
     for row in everyone:
         full, limited = (cycles.mahalanobis_squared(row, everyone, limit=limit) for limit in (np.inf, 20.0))

@@ -22,20 +22,15 @@ from wiclosure.types import Closure, KeyframeId, Prediction, PredictionKind, Sta
 EXACT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
 
-def random_closures(team, n, rng, *, noise=None):
-    pairs = rng.integers(0, 60, (n, 2))
-    return [team.closure(("alpha", int(a)), ("beta", int(b)), noise=noise) for a, b in pairs]
-
-
 def test_perfect_closures_make_one_full_clique(team_maker):
     for seed in range(5):
         team, rng = team_maker(seed), np.random.default_rng(seed)
-        assert pairwise_consistent(random_closures(team, 8, rng), team.odometry, PcmSettings()).pairs[0].kept == 8
+        assert pairwise_consistent(team.random_closures(8, rng), team.odometry, PcmSettings()).pairs[0].kept == 8
 
 
 def test_the_direction_of_a_closure_does_not_matter(team_maker):
     team, rng = team_maker(3, noise=1.0), np.random.default_rng(3)
-    closures = random_closures(team, 12, rng, noise=rng)
+    closures = team.random_closures(12, rng, noise=rng)
     turned = [
         Closure.from_measurement(
             c.match,
@@ -54,7 +49,7 @@ def test_the_direction_of_a_closure_does_not_matter(team_maker):
 
 def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_maker):
     team, rng = team_maker(1, noise=1.0), np.random.default_rng(1)
-    true = random_closures(team, 15, rng, noise=rng)
+    true = team.random_closures(15, rng, noise=rng)
     false = [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (60, 2))]
     result = pairwise_consistent(true + false, team.odometry, PcmSettings())
     assert [c.rejected_at for c in result.closures[15:]] == [Stage.CONSISTENCY] * 60
@@ -66,7 +61,7 @@ def test_false_closures_are_rejected_with_a_reason_and_true_ones_accepted(team_m
 @pytest.mark.parametrize(("count", "kept"), [(1, 0), (2, 2), (3, 3)])
 def test_one_closure_cannot_be_checked_but_two_can(team_maker, count, kept):
     team, rng = team_maker(2, noise=1.0), np.random.default_rng(2)
-    result = pairwise_consistent(random_closures(team, count, rng), team.odometry, PcmSettings())
+    result = pairwise_consistent(team.random_closures(count, rng), team.odometry, PcmSettings())
     assert result.pairs[0].kept == kept
     assert ("cannot be checked" in result.diagnosis[0]) == (count == 1)
 
@@ -96,13 +91,13 @@ def test_neighbours_of_one_place_need_a_prediction(team_maker, predicted):
 
 def test_two_sets_of_one_size_that_contradict_each_other_are_ambiguous(team_maker):
     team, rng = team_maker(4), np.random.default_rng(4)
-    shifted = random_closures(team, 5, rng)
+    shifted = team.random_closures(5, rng)
     mirror = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))  # beta's whole frame 30 m off, as a row of equal houses does
     for n, c in enumerate(shifted):
         query = team.truth["alpha"].poses[c.query.index]
         match = mirror @ team.truth["beta"].poses[c.match.index]
         shifted[n] = team.remeasured(c, T_query_match=se3.between(query, match))
-    closures = random_closures(team, 5, rng) + shifted
+    closures = team.random_closures(5, rng) + shifted
     result = pairwise_consistent(closures, team.odometry, PcmSettings())
     assert result.pairs[0].contradicting == result.pairs[0].largest == 5
     assert "ambiguous" in result.diagnosis[0]
@@ -121,9 +116,9 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
                 team.truth["alpha"].poses[c.query.index], mirror @ team.truth["beta"].poses[c.match.index]
             ),
         )
-        for c in random_closures(team, shifted, rng)
+        for c in team.random_closures(shifted, rng)
     ]
-    found = pairwise_consistent(random_closures(team, 8, rng) + false, team.odometry, PcmSettings())
+    found = pairwise_consistent(team.random_closures(8, rng) + false, team.odometry, PcmSettings())
     said, pair = found.doubts, found.pairs[0]
     assert (pair.largest, pair.contradicting, pair.kept, pair.ambiguous) == (8, shifted, 8 * believed, not believed)
     assert [f"8 closures agree with each other and are accepted, but {shifted} others" in one for one in said] == (
@@ -172,7 +167,7 @@ def test_the_right_set_is_found_among_many_clusters_as_large(team_maker):
 )
 def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, parts, max_scale):
     team, rng = team_maker(seed, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(seed)
-    closures = random_closures(team, 10, rng, noise=rng)
+    closures = team.random_closures(10, rng, noise=rng)
     closures += [team.closure(("gamma", int(a)), ("gamma", int(b)), noise=rng) for a, b in rng.integers(0, 60, (3, 2))]
     for robot in ("beta", "gamma"):
         ends = rng.integers(0, 60, (6, 2))
@@ -193,7 +188,7 @@ def test_closure_by_closure_gives_the_answer_of_all_at_once(team_maker, seed, pa
 @pytest.mark.parametrize("times", [1.0, 4.0])
 def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_maker, times):
     team, rng = team_maker(14, noise=1.0), np.random.default_rng(14)
-    closures = random_closures(team, 30, rng, noise=rng)
+    closures = team.random_closures(30, rng, noise=rng)
     closures += [team.false_closure(("alpha", int(a)), ("beta", int(b)), rng) for a, b in rng.integers(0, 60, (8, 2))]
     stated = [team.remeasured(c, covariance=c.measured.covariance / times**2) for c in closures]
     small = team.odometry["alpha"].drift.model_dump()
@@ -213,7 +208,7 @@ def test_covariances_stated_too_small_are_enlarged_as_far_as_closures_show(team_
 def test_a_pair_of_neighbours_that_agrees_among_many_that_do_not_is_put_down_to_chance(team_maker):
     """Closures that all look along one street differ in little, so that two agree now and then."""
     team, rng = team_maker(5), np.random.default_rng(5)
-    shared = random_closures(team, 1, rng)[0]
+    shared = team.random_closures(1, rng)[0]
     street = [
         team.remeasured(
             replace(

@@ -31,17 +31,12 @@ def in_first_frame(team, robot):
     return se3.inverse(next(iter(team.truth.values())).poses[0]) @ team.truth[robot].poses
 
 
-def random_closures(team, n, rng, a="alpha", b="beta", *, noise=None):
-    size = len(team.odometry[a])
-    return [team.closure((a, int(i)), (b, int(j)), noise=noise) for i, j in rng.integers(0, size, (n, 2))]
-
-
 @pytest.mark.parametrize("way", EVERY_WAY, ids=lambda s: f"{s.optimiser}-{s.robust}")
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
 def test_perfect_input_gives_the_exact_answer(team_maker, way, seed):
     team, rng = team_maker(seed, ("alpha", "beta", "gamma"), 30), np.random.default_rng(seed)
-    closures = random_closures(team, 4, rng) + random_closures(team, 4, rng, "beta", "gamma")
+    closures = team.random_closures(4, rng) + team.random_closures(4, rng, "beta", "gamma")
     result = optimise(team.odometry, closures, way)
     assert result.components == (("alpha", "beta", "gamma"),)
     assert all(c.survived(Stage.ESTIMATE) for c in result.closures)
@@ -55,7 +50,7 @@ def test_perfect_input_gives_the_exact_answer(team_maker, way, seed):
 @given(seed=SEEDS)
 def test_the_estimate_does_not_depend_on_a_robots_odometry_frame(team_maker, seed):
     team, rng = team_maker(seed, n=30, noise=1.0), np.random.default_rng(seed)
-    closures = random_closures(team, 8, rng, noise=rng)
+    closures = team.random_closures(8, rng, noise=rng)
     elsewhere = se3.from_yaw(rng.uniform(-3, 3), rng.normal(size=3) * 100.0)
     moved = team.odometry | {"beta": team.odometry["beta"].moved(elsewhere)}
     here, there = (optimise(odometry, closures, PoseGraphSettings()) for odometry in (team.odometry, moved))
@@ -68,7 +63,7 @@ def test_the_first_pose_of_the_first_robot_stays_where_its_odometry_has_it(team_
     team, rng = team_maker(1, noise=1.0), np.random.default_rng(1)
     start = se3.from_yaw(1.0, np.array([5.0, -3.0, 1.0]))
     odometry = team.odometry | {"alpha": team.odometry["alpha"].moved(start)}
-    result = optimise(odometry, random_closures(team, 10, rng, noise=rng), PoseGraphSettings())
+    result = optimise(odometry, team.random_closures(10, rng, noise=rng), PoseGraphSettings())
     np.testing.assert_allclose(result.trajectories["alpha"].poses[0], start, atol=1e-6)
     assert np.abs(result.trajectories["alpha"].poses[-1] - odometry["alpha"].poses[-1]).max() > 1e-4
 
@@ -76,7 +71,7 @@ def test_the_first_pose_of_the_first_robot_stays_where_its_odometry_has_it(team_
 @pytest.mark.parametrize("robust", ["gnc", "cauchy"])
 def test_false_closures_are_switched_off_with_a_reason(team_maker, robust):
     team, rng = team_maker(2, noise=1.0), np.random.default_rng(2)
-    true = random_closures(team, 20, rng, noise=rng)
+    true = team.random_closures(20, rng, noise=rng)
     false = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in rng.integers(0, 60, (8, 2))]
     result = optimise(team.odometry, true + false, PoseGraphSettings(robust=robust))
     assert [c.rejected_at for c in result.closures[20:]] == [Stage.ESTIMATE] * 8
@@ -89,7 +84,7 @@ def test_false_closures_are_switched_off_with_a_reason(team_maker, robust):
 @pytest.mark.parametrize("robust", ["gnc", "cauchy"])
 def test_most_closures_may_be_false(team_maker, robust):
     team, rng = team_maker(10, n=300, noise=1.0), np.random.default_rng(10)
-    true = random_closures(team, 20, rng, noise=rng)
+    true = team.random_closures(20, rng, noise=rng)
     false = [team.false_closure(("alpha", int(i)), ("beta", int(j)), rng) for i, j in rng.integers(0, 300, (40, 2))]
     result = optimise(team.odometry, false + true, PoseGraphSettings(robust=robust))
     accepted = [c.survived(Stage.ESTIMATE) for c in result.closures]
@@ -103,7 +98,7 @@ def test_renaming_or_reordering_robots_changes_nothing(team_maker, seed, order):
     team, rng = team_maker(seed, ("alpha", "beta", "gamma", "delta"), noise=1.0), np.random.default_rng(seed)
     closures = []
     for a, b in (("alpha", "beta"), ("beta", "gamma"), ("gamma", "delta"), ("alpha", "alpha")):
-        closures += random_closures(team, 8, rng, a, b, noise=rng)
+        closures += team.random_closures(8, rng, a, b, noise=rng)
         closures += [team.false_closure((a, int(i)), (b, int(j)), rng) for i, j in rng.integers(0, 60, (4, 2))]
     new = dict(zip(team.odometry, order, strict=True))
     renamed = [
@@ -127,7 +122,7 @@ def test_renaming_or_reordering_robots_changes_nothing(team_maker, seed, order):
 
 def test_the_anchor_can_be_chosen(team_maker):
     team, rng = team_maker(11, ("alpha", "beta", "gamma")), np.random.default_rng(11)
-    closures = random_closures(team, 6, rng) + random_closures(team, 6, rng, "beta", "gamma")
+    closures = team.random_closures(6, rng) + team.random_closures(6, rng, "beta", "gamma")
     result = optimise(team.odometry, closures, PoseGraphSettings(anchor="gamma"))
     assert result.components[0][0] == "gamma"
     np.testing.assert_allclose(result.trajectories["gamma"].poses[0], team.odometry["gamma"].poses[0], atol=1e-6)
@@ -137,7 +132,7 @@ def test_the_anchor_can_be_chosen(team_maker):
 
 def test_sigma_scale_moves_no_pose_but_the_limit_and_the_marginals(team_maker):
     team, rng = team_maker(12, noise=1.0), np.random.default_rng(12)
-    closures = random_closures(team, 12, rng, noise=rng)
+    closures = team.random_closures(12, rng, noise=rng)
     off = team.closure(("alpha", 20), ("beta", 20), error=np.array([0, 0, 0, 2.0, 0, 0]))
     stated, doubled = (
         optimise(team.odometry, [*closures, off], PoseGraphSettings(sigma_scale=scale)) for scale in (1.0, 4.0)
@@ -152,7 +147,7 @@ def test_sigma_scale_moves_no_pose_but_the_limit_and_the_marginals(team_maker):
 
 def test_relative_covariances_of_neighbours_are_small_and_those_across_robots_are_not(team_maker):
     team, rng = team_maker(13, ("alpha", "beta", "gamma"), noise=1.0), np.random.default_rng(13)
-    result = optimise(team.odometry, random_closures(team, 6, rng, noise=rng), PoseGraphSettings())
+    result = optimise(team.odometry, team.random_closures(6, rng, noise=rng), PoseGraphSettings())
     near = result.relative_covariance(KeyframeId("beta", 30), KeyframeId("beta", 31))
     step = odometry_covariances(team.odometry["beta"], np.arange(60), np.zeros(0, np.int64))[30]
     assert np.trace(near) <= 1.01 * np.trace(step)
@@ -177,7 +172,7 @@ def test_closures_within_one_robot_correct_its_drift(team_maker):
 
 def test_robots_without_closures_stay_in_their_own_frame_and_are_reported(team_maker):
     team, rng = team_maker(4, ("alpha", "beta", "gamma", "delta")), np.random.default_rng(4)
-    closures = random_closures(team, 4, rng, "gamma", "beta")
+    closures = team.random_closures(4, rng, "gamma", "beta")
     result = optimise(team.odometry, closures, PoseGraphSettings())
     assert result.components == (("alpha",), ("beta", "gamma"), ("delta",))
     assert result.unconnected == ("beta", "gamma", "delta")
@@ -195,7 +190,7 @@ def test_robots_whose_closures_were_all_rejected_are_told_apart_from_those_witho
 
 def test_robots_whose_closures_all_prove_false_go_back_to_their_own_frame(team_maker):
     team, rng = team_maker(5, ("alpha", "beta", "gamma")), np.random.default_rng(5)
-    true = random_closures(team, 8, rng) + random_closures(team, 8, rng, "beta", "gamma")
+    true = team.random_closures(8, rng) + team.random_closures(8, rng, "beta", "gamma")
     # Two closures of alpha and gamma that contradict the way over beta.
     false = [team.closure(("alpha", i), ("gamma", i), error=np.array([0, 0, 1.0, 9.0, 0, 0])) for i in (5, 30)]
     result = optimise(team.odometry, true + false, PoseGraphSettings())
@@ -230,7 +225,7 @@ def test_no_trajectory_is_an_error_that_says_what_to_pass():
 
 def test_the_covariance_of_a_pose_grows_with_the_way_from_the_anchor(team_maker):
     team, rng = team_maker(7, noise=1.0), np.random.default_rng(7)
-    result = optimise(team.odometry, random_closures(team, 4, rng, noise=rng), PoseGraphSettings())
+    result = optimise(team.odometry, team.random_closures(4, rng, noise=rng), PoseGraphSettings())
     sigma = np.sqrt(np.trace(result.covariances("alpha", [0, 10, 59])[:, 3:, 3:], axis1=1, axis2=2))
     assert sigma[0] < 1e-3 < sigma[1] < sigma[2]
 

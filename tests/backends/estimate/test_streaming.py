@@ -13,10 +13,6 @@ from wiclosure.types import Closure, KeyframeId, Stage, Trajectory
 ROBOTS = ("alpha", "beta", "gamma")
 
 
-def random_closures(team, n, rng, a="alpha", b="beta", *, limit=60):
-    return [team.closure((a, int(i)), (b, int(j)), noise=rng) for i, j in rng.integers(0, limit, (n, 2))]
-
-
 def false_closures(team, n, rng, a="alpha", b="beta"):
     return [team.false_closure((a, int(i)), (b, int(j)), rng) for i, j in rng.integers(0, 60, (n, 2))]
 
@@ -28,8 +24,8 @@ def decisions(result):
 @pytest.mark.parametrize("seed", range(2))
 def test_closure_by_closure_comes_to_the_batch_estimate(team_maker, seed):
     team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
-    closures = random_closures(team, 12, rng) + random_closures(team, 12, rng, "beta", "gamma")
-    closures += false_closures(team, 6, rng) + random_closures(team, 4, rng, "gamma", "gamma")
+    closures = team.random_closures(12, rng, noise=rng) + team.random_closures(12, rng, "beta", "gamma", noise=rng)
+    closures += false_closures(team, 6, rng) + team.random_closures(4, rng, "gamma", "gamma", noise=rng)
     closures = [closures[n] for n in rng.permutation(len(closures))]
     stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
     for closure in closures:
@@ -47,7 +43,7 @@ def test_closure_by_closure_comes_to_the_batch_estimate(team_maker, seed):
 def test_keyframes_may_arrive_between_closures(team_maker):
     team, rng = team_maker(5, ("alpha", "beta"), noise=1.0), np.random.default_rng(5)
     until = [{r: t.subset(np.arange(n)) for r, t in team.odometry.items()} for n in (20, 40, 60)]
-    parts = [random_closures(team, 6, rng, limit=n) for n in (20, 40, 60)]
+    parts = [team.random_closures(6, rng, limit=n, noise=rng) for n in (20, 40, 60)]
     stream = StreamingBackEnd(until[0], PcmSettings(), PoseGraphSettings())
     for odometry, closures in zip(until, parts, strict=True):
         stream.extend(odometry)
@@ -72,7 +68,7 @@ def test_an_early_mistake_heals(team_maker):
     stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
     stream.add(false)
     assert decisions(stream.result()) == [None] * 3
-    for closure in random_closures(team, 10, rng):
+    for closure in team.random_closures(10, rng, noise=rng):
         stream.add([closure])
     assert decisions(stream.result())[:3] == [Stage.CONSISTENCY] * 3
     truth = se3.inverse(team.truth["alpha"].poses[0]) @ team.truth["beta"].poses
@@ -82,7 +78,7 @@ def test_an_early_mistake_heals(team_maker):
 def test_a_late_false_closure_does_no_harm(team_maker):
     team, rng = team_maker(7, ("alpha", "beta"), noise=1.0), np.random.default_rng(7)
     stream = StreamingBackEnd(team.odometry, PcmSettings(), PoseGraphSettings())
-    stream.add(random_closures(team, 10, rng))
+    stream.add(team.random_closures(10, rng, noise=rng))
     before = stream.poses("beta")
     for closure in false_closures(team, 5, rng):
         stream.add([closure])
@@ -92,7 +88,7 @@ def test_a_late_false_closure_does_no_harm(team_maker):
 def test_without_pcm_the_estimate_alone_switches_false_closures_off(team_maker):
     team, rng = team_maker(8, ("alpha", "beta"), noise=1.0), np.random.default_rng(8)
     stream = StreamingBackEnd(team.odometry, PcmSettings(enabled=False), PoseGraphSettings())
-    stream.add(random_closures(team, 10, rng))
+    stream.add(team.random_closures(10, rng, noise=rng))
     before = stream.poses("beta")
     for closure in false_closures(team, 3, rng):
         stream.add([closure])

@@ -14,14 +14,9 @@ from wiclosure.errors import OutputError
 TIGHT = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
 
 
-def random_closures(team, n, rng, a="alpha", b="beta", *, noise=None):
-    size = len(team.odometry[a])
-    return [team.closure((a, int(i)), (b, int(j)), noise=noise) for i, j in rng.integers(0, size, (n, 2))]
-
-
 def test_what_is_written_is_read_again_and_gives_the_same_estimate(team_maker, tmp_path):
     team, rng = team_maker(8, noise=1.0), np.random.default_rng(8)
-    result = optimise(team.odometry, random_closures(team, 8, rng, noise=rng), PoseGraphSettings(noise=TIGHT))
+    result = optimise(team.odometry, team.random_closures(8, rng, noise=rng), PoseGraphSettings(noise=TIGHT))
     write_g2o(result, tmp_path / "graph.g2o")
     again = read_graphs([tmp_path / "graph.g2o"])
     assert again.warnings == again.unusable == ()
@@ -33,7 +28,7 @@ def test_what_is_written_is_read_again_and_gives_the_same_estimate(team_maker, t
 def test_every_closure_is_there_with_its_fate(team_maker, tmp_path):
     team, rng = team_maker(2, noise=1.0), np.random.default_rng(2)
     false = [team.false_closure(("alpha", 5), ("beta", 50), rng)]
-    result = optimise(team.odometry, random_closures(team, 20, rng, noise=rng) + false, PoseGraphSettings())
+    result = optimise(team.odometry, team.random_closures(20, rng, noise=rng) + false, PoseGraphSettings())
     write_g2o(result, tmp_path / "graph.g2o")
     lines = (tmp_path / "graph.g2o").read_text().splitlines()
     fates = [lines[n - 1].split(":")[0] for n, line in enumerate(lines) if "EDGE" in line and lines[n - 1][0] == "#"]
@@ -46,7 +41,7 @@ def test_every_closure_is_there_with_its_fate(team_maker, tmp_path):
 def test_g2o_round_trip_through_gtsam(team_maker, tmp_path):
     team, rng = team_maker(8, ("alpha", "beta", "gamma"), 20, noise=1.0), np.random.default_rng(8)
     far = {r: t.moved(se3.from_yaw(0.3, np.array([12345.678, 0.0, 0.0]))) for r, t in team.odometry.items()}
-    result = optimise(far, random_closures(team, 5, rng, noise=rng), PoseGraphSettings())
+    result = optimise(far, team.random_closures(5, rng, noise=rng), PoseGraphSettings())
     write_g2o(result, tmp_path / "graph.g2o")
     graph, values = gtsam.readG2o(str(tmp_path / "graph.g2o"), is3D=True)
     assert graph.size() == 3 * 19 + len(result.accepted)
