@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
@@ -11,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from wiclosure.errors import InputError
-from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of, stamp_unit_of_path
+from wiclosure.formats.radio.radio_units import TimeUnit, stamp_ns, stamp_unit_of, stamp_unit_of_path, time_unit_in
 from wiclosure.formats.stamps import few_digits
 from wiclosure.types import IntArray
 
 logger = logging.getLogger(__name__)
 
 _SAMPLE = 100
+_NAME = re.compile(r"stamp|time", re.IGNORECASE)
 _NAMES = ("times.txt", "timestamps.txt", "timestamp.txt")
 
 
@@ -56,7 +58,7 @@ def read_lines(path: Path) -> list[int | None]:
     """Stamps in nanoseconds, from seconds, dates (`2011-09-26 13:02:25.594360375`), or ms, us or ns since 1970.
 
     Returns:
-        One a line, None for a blank one; without blank lines at the end.
+        One a line, None for a blank one; without remarks, a line of names, and blank lines at the end.
 
     Raises:
         InputError: the file is missing, a line is neither, or times repeat that were written with too few digits.
@@ -70,18 +72,31 @@ def read_lines(path: Path) -> list[int | None]:
         ) from error
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text; expected one time in seconds for each scan") from None
-    texts = [text if (text := line.strip()) and not text.startswith("#") else None for line in lines]
-    unit = _unit(path, [text for text in texts if text is not None][:_SAMPLE])
-    stamps = [None if text is None else _stamp(path, n, text, unit) for n, text in enumerate(texts, start=1)]
+    rows, names = _rows([line.strip() for line in lines])
+    unit = _unit(path, names, [text for _, text in rows if text][:_SAMPLE])
+    stamps = [_stamp(path, number, text, unit) if text else None for number, text in rows]
     while stamps and stamps[-1] is None:
         stamps.pop()
-    _refuse_lost_digits(path, lines, stamps)
-    _refuse_order(path, lines, stamps)
+    _refuse_lost_digits(path, rows, stamps)
+    _refuse_order(path, rows, stamps)
     return stamps
 
 
-def _unit(path: Path, texts: Sequence[str]) -> TimeUnit:
-    """`auto`, unless only another unit makes times of a drive of whole numbers."""
+def _rows(lines: Sequence[str]) -> tuple[list[tuple[int, str]], str]:
+    """Numbers and texts of the lines without remarks, of which blank ones count, and the line that names the times."""
+    rows = [(number, line) for number, line in enumerate(lines, start=1) if not line.startswith("#")]
+    names = [line.lstrip("# ") for line in lines if line.startswith("#") and _NAME.search(line)]
+    first = next((row for row, (_, text) in enumerate(rows) if text), 0)
+    if rows and _NAME.search(rows[first][1]) and not any(map(str.isdecimal, rows[first][1])):
+        names.append(rows[first][1])
+        rows = rows[first + 1 :]
+    return rows, names[-1] if names else ""
+
+
+def _unit(path: Path, names: str, texts: Sequence[str]) -> TimeUnit:
+    """As the line of names states; else `auto`, unless only another unit makes times of a drive of whole numbers."""
+    if (stated := time_unit_in(names)) is not None:
+        return stated
     if not texts or not all(map(str.isdecimal, texts)):
         return "auto"
     unit = stamp_unit_of_path(texts)
@@ -98,26 +113,26 @@ def _stamp(path: Path, number: int, text: str, unit: TimeUnit) -> int:
         raise InputError(f"{path}, line {number}: {text!r} is no time; expected seconds or a date with time") from None
 
 
-def _refuse_lost_digits(path: Path, lines: Sequence[str], stamps: Sequence[int | None]) -> None:
+def _refuse_lost_digits(path: Path, rows: Sequence[tuple[int, str]], stamps: Sequence[int | None]) -> None:
     """Times that all differ keep their digits, whatever they are."""
     seen: set[int] = set()
-    for number, (line, stamp) in enumerate(zip(lines, stamps, strict=False), start=1):
-        if stamp is not None and stamp in seen and _lost(line.strip()):
+    for (number, text), stamp in zip(rows, stamps, strict=False):
+        if stamp is not None and stamp in seen and _lost(text):
             raise InputError(
-                f"{path}, line {number}: the time {line.strip()} stands there again: whoever wrote it kept too few"
+                f"{path}, line {number}: the time {text} stands there again: whoever wrote it kept too few"
                 " digits; write times with nine decimals"
             )
         if stamp is not None:
             seen.add(stamp)
 
 
-def _refuse_order(path: Path, lines: Sequence[str], stamps: Sequence[int | None]) -> None:
+def _refuse_order(path: Path, rows: Sequence[tuple[int, str]], stamps: Sequence[int | None]) -> None:
     """Single times that repeat or go back cost their scans; where most do, they are no times of these scans."""
-    known = [(stamp, number) for number, stamp in enumerate(stamps, start=1) if stamp is not None]
-    wrong = [number for (before, _), (stamp, number) in pairwise(known) if stamp <= before]
+    known = [(stamp, row) for row, stamp in zip(rows, stamps, strict=False) if stamp is not None]
+    wrong = [row for (before, _), (stamp, row) in pairwise(known) if stamp <= before]
     if 2 * len(wrong) > len(known):
         raise InputError(
-            f"{path}, line {wrong[0]}: {lines[wrong[0] - 1].strip()} does not follow the time above it; so it is with"
+            f"{path}, line {wrong[0][0]}: {wrong[0][1]} does not follow the time above it; so it is with"
             f" {len(wrong)} of {len(known)}; write times in the order of the scans"
         )
 

@@ -12,7 +12,7 @@ def test_seconds_nanoseconds_and_dates_to_the_nanosecond(tmp_path: Path) -> None
     path = tmp_path / "times.txt"
     path.write_text("# time\n1700000000.000000001\n\n1700000000123456789\n2011-09-26 13:02:25.594360375\n1.5e1\n\n\n")
     assert read_lines(path) == [
-        None, 1_700_000_000_000_000_001, None, 1_700_000_000_123_456_789, 1_317_042_145_594_360_375, 15 * 10**9
+        1_700_000_000_000_000_001, None, 1_700_000_000_123_456_789, 1_317_042_145_594_360_375, 15 * 10**9
     ]  # fmt: skip
     assert read_times(path).tolist() == [stamp for stamp in read_lines(path) if stamp is not None]
 
@@ -78,3 +78,21 @@ def test_times_that_mostly_repeat_or_go_back_are_refused(tmp_path: Path, times: 
 def test_two_clouds_of_each_time_are_read(tmp_path: Path) -> None:
     (tmp_path / "times.txt").write_text("0.0\n0.0\n0.1\n0.1\n")
     assert len(read_times(tmp_path / "times.txt")) == 4
+
+
+@pytest.mark.parametrize(
+    ("head", "rows"),
+    [
+        ("timestamp", ["1.0", "1.1"]),
+        ("# made by a recorder\ntimestamp [s]", ["1.0", "1.1"]),
+        ("#timestamp [us]", ["1000000", "1100000"]),
+        ("time_ms", ["1000", "1100"]),
+    ],
+)
+def test_a_line_of_names_and_remarks_are_no_scans_and_may_state_the_unit(
+    tmp_path: Path, head: str, rows: list[str]
+) -> None:
+    path = tmp_path / "times.txt"
+    path.write_text("\n".join([head, *rows, "", "# the rest was lost", rows[-1] + "9"]) + "\n")
+    first, second, blank, _ = read_lines(path)
+    assert (first, second, blank) == (10**9, 1_100_000_000, None)
