@@ -17,6 +17,7 @@ from scipy.special import logsumexp
 from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
 from wiclosure.pipeline.mutual_check.odds import in_words
+from wiclosure.pipeline.mutual_check.partial_errors import PartialErrors
 from wiclosure.pipeline.mutual_check.readings import Reading, readings_of_log
 from wiclosure.types import Closure, FloatArray, IntArray, Stage, Trajectory, WirelessLog, survivors
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -124,11 +125,20 @@ def held_against(pair: MergedPair, log: WirelessLog, settings: MutualCheckSettin
     decisive = np.log(settings.decisive_odds)
     if told.log_odds < decisive:
         return Fit.GOOD if told.log_odds < -decisive and told.as_read > _FITS else Fit.OPEN
-    order = np.argsort(told.wrong)[::-1]
-    if told.found[order[0]].max() < _FITS:
+    likely = sorted(told.causes, key=lambda cause: -cause.log_probability)[:_NAMED]
+    if likely[0].explained < _FITS:
         return Contradiction(told.log_odds)
-    likely = [n for n in order[:_NAMED] if told.wrong[n] > told.wrong[order[0]] - decisive]
-    return Contradiction(told.log_odds, tuple(_likeliest(told.tried[n], told.found[n]) for n in likely))
+    least = likely[0].log_probability - decisive
+    return Contradiction(told.log_odds, tuple(cause.undone for cause in likely if cause.log_probability > least))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """An error: how likely it is with what it explains, how much that is, and what undoes it by its likeliest size."""
+
+    log_probability: float
+    explained: float
+    undone: Correction
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +150,8 @@ class MapOdds:
         tried: errors.
         found: log-evidence with each size of each error undone.
         wrong: log-probability of each error, with what it explains.
+        partial: errors that only a part of the log has, as seldom as two at once.
+        partly_wrong: log-probability of any of these.
         log_odds: that something is wrong with the log, known or not, against ordinary errors.
     """
 
@@ -147,6 +159,8 @@ class MapOdds:
     tried: Sequence[Reading]
     found: Sequence[FloatArray]
     wrong: FloatArray
+    partial: PartialErrors
+    partly_wrong: float
     log_odds: float
 
     @classmethod
@@ -161,8 +175,20 @@ class MapOdds:
         honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
         known = np.log(settings.systematic_error / len(tried))
         wrong = known + np.array([logsumexp(of + r.log_shares) for r, of in zip(tried, found, strict=True)])
-        log_odds = float(logsumexp([*wrong, np.log(settings.unknown_error)]) - honest)
-        return cls(as_read, tried, found, wrong, log_odds)
+        partial = PartialErrors.of(pair, log, tried)
+        partly_wrong = float(2 * known + logsumexp([-np.inf, *partial.log_evidence.ravel()]))
+        log_odds = float(logsumexp([*wrong, partly_wrong, np.log(settings.unknown_error)]) - honest)
+        return cls(as_read, tried, found, wrong, partial, partly_wrong, log_odds)
+
+    @property
+    def causes(self) -> list[_Cause]:
+        """Each error that may be at fault, and the likeliest of those of a part."""
+        whole = [
+            _Cause(float(wrong), float(found.max()), _likeliest(reading, found))
+            for reading, found, wrong in zip(self.tried, self.found, self.wrong, strict=True)
+        ]
+        of_part = self.partial.likeliest(1)
+        return [*whole, *(_Cause(self.partly_wrong, one.log_evidence, one.undone) for one in of_part)]
 
 
 def _likeliest(reading: Reading, found: FloatArray) -> Correction:

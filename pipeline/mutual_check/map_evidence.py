@@ -49,6 +49,14 @@ class MergedPair:
             found[same] = self._of_same_headings([logs[n] for n in same], np.array([widened[n] for n in same]))
         return found
 
+    def of_each_measurement(self, logs: Sequence[WirelessLog]) -> FloatArray:
+        """Log-likelihoods `(N, M)` of each measurement of N logs of as many, with the same headings."""
+        found, together = np.zeros((len(logs), len(logs[0].measurements))), self._together(logs)
+        if together is not None:
+            observations, part, row = together
+            np.add.at(found, (part, row), self._of_measurements(observations, part, np.zeros(len(logs), bool)))
+        return found
+
     def apart(self, log: WirelessLog) -> Apart:
         """How far apart the antennas were, as measured and in the map."""
         return Apart.of(self._links(log), np.eye(4))
@@ -57,11 +65,20 @@ class MergedPair:
         return TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
 
     def _of_same_headings(self, logs: Sequence[WirelessLog], widened: BoolArray) -> FloatArray:
-        """The same, all at once: as one log whose parts have nothing to do with each other."""
+        """The same, all at once."""
+        together = self._together(logs)
+        if together is None:
+            return np.zeros(len(logs))
+        observations, part, _ = together
+        each = self._of_measurements(observations, part, widened)
+        return np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+
+    def _together(self, logs: Sequence[WirelessLog]) -> tuple[Observations, IntArray, IntArray] | None:
+        """As one log whose parts have nothing to do with each other: of which log each is, and which of it."""
         together = WirelessLog(tuple(m for log in logs for m in log.measurements), logs[0].headings)
         links = self._links(together)
         if len(links) == 0:
-            return np.zeros(len(logs))
+            return None
         starts = np.cumsum([0, *(len(log.measurements) for log in logs)])
         part = np.searchsorted(starts, links.measurement, side="right") - 1
         distance_m = np.linalg.norm(links.antenna_b - links.antenna_a, axis=1)
@@ -70,8 +87,7 @@ class MergedPair:
             independence=independence(links, self.alignment.radio.static_radius_m, part),
             near_range_m=np.maximum(distance_m, MIN_DISTANCE_M),
         )
-        each = self._of_measurements(observations, part, widened)
-        return np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+        return observations, part, links.measurement - starts[part]
 
     def _of_measurements(self, observations: Observations, part: IntArray, widened: BoolArray) -> FloatArray:
         """Log-likelihoods `(M,)`, weighed: neighbouring measurements share the drift of odometry.

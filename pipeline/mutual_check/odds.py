@@ -115,9 +115,9 @@ def weigh(
         + min(refuted_places, MOST_PLACES) * np.log(FAILS_IF_RIGHT)
     )
     right = {
-        cause: value + other_look_alike for cause, value in if_closures_are_right(claimed, errors, settings).items()
+        cause: value + other_look_alike
+        for cause, value in if_closures_are_right(claimed, errors, settings, two_errors).items()
     }
-    right |= {e.fault: 2 * float(each) + e.implied + other_look_alike for e in two_errors}
     neither = {
         e.fault: each + e.log_evidence + closures.log_look_alike + other_look_alike for e in errors if e.contradicts
     }
@@ -137,7 +137,10 @@ def weigh(
 
 
 def if_closures_are_right(
-    claimed: Explained, errors: Sequence[Explained], settings: MutualCheckSettings
+    claimed: Explained,
+    errors: Sequence[Explained],
+    settings: MutualCheckSettings,
+    two_errors: Sequence[Explained] = (),
 ) -> dict[str, float]:
     """Log-evidence of the log where closures have the robots, by what is wrong with it; by "" if nothing is."""
     known, unknown = settings.systematic_error, settings.unknown_error
@@ -145,6 +148,7 @@ def if_closures_are_right(
     return {
         "": float(np.log(1.0 - known - unknown)) + claimed.implied,
         **{e.fault: float(each) + e.implied for e in errors},
+        **{e.fault: 2 * float(each) + e.implied for e in two_errors},
         "an error of the radio that is none of the known ones": float(np.log(unknown)) + max(claimed.log_evidence, 0.0),
     }
 

@@ -10,6 +10,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wiclosure import se3
+from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
+from wiclosure.pipeline.mutual_check.partial_errors import PartialErrors
 from wiclosure.pipeline.mutual_check.readings import Apart, Reading, readings
 from wiclosure.types import Closure, FloatArray, Trajectory, WirelessLog, measured_poses
 from wiclosure.wiclosure_filter.alignment.radio_check import RadioConsistencyCheck
@@ -116,11 +118,32 @@ class PairRadio:
             for other in left.errors(closures, search=False)
         ]
 
+    def partial_errors(self, closures: Sequence[Closure]) -> list[Explained]:
+        """The log with the likeliest errors undone that only a part of it has, where closures have the robots."""
+        first, second = self.pair
+        middle, T_a_b = self._implied(closures)
+        there = {first: self.trajectories[first], second: self.trajectories[second].moved(T_a_b)}
+        tied = {key.robot: np.array([key.index]) for key in (middle.query, middle.match)}
+        tried = readings(*self.pair, self.log, apart=self._apart(closures))
+        found = PartialErrors.of(MergedPair(self.pair, there, tied, self.settings), self.log, tried)
+        return [
+            Explained(one.undone.fault, one.log_share + self._with_undone(one.undone, closures))
+            for one in found.likeliest(_FIRST)
+        ]
+
+    def _with_undone(self, correction: Correction, closures: Sequence[Closure]) -> float:
+        """Log-evidence of the log where closures have the robots."""
+        return self._evidence(correction.apply((self.trajectories, self.log)), closures, search=False)[0]
+
     def _apart(self, closures: Sequence[Closure]) -> Apart:
+        return Apart.of(self._links(self.trajectories, self.log), self._implied(closures)[1])
+
+    def _implied(self, closures: Sequence[Closure]) -> tuple[Closure, FloatArray]:
+        """The closure that stands for the others, and the alignment `T_a_b (4, 4)` of the frames that it implies."""
         middle = central(closures, self.trajectories)
         T_query_match = measured_poses([middle])[0][0]
         at_a, at_b = (self.trajectories[key.robot].poses[key.index] for key in (middle.query, middle.match))
-        return Apart.of(self._links(self.trajectories, self.log), at_a @ T_query_match @ se3.inverse(at_b))
+        return middle, at_a @ T_query_match @ se3.inverse(at_b)
 
     def _explained(self, reading: Reading, closures: Sequence[Closure], *, search: bool) -> Explained:
         inputs = [correction.apply((self.trajectories, self.log)) for correction in reading.corrections]

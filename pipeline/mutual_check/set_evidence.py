@@ -22,7 +22,7 @@ from wiclosure.pipeline.mutual_check.odds import (
 from wiclosure.pipeline.mutual_check.radio_evidence import Explained, PairRadio, central
 from wiclosure.types import Closure, measured_poses
 
-_PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
+PLACE_KEYFRAMES = 10  # apart along a path: what is seen there is something else
 NEAR_M = 5.0  # keyframes that are so near register, if they are truly there
 _NOTHING = Agreement(0, 0, 0.0)
 
@@ -58,6 +58,10 @@ class SetEvidence:
         """The log with each known error undone; `search`: also where it tells an alignment of its own."""
         return self.radio.errors([self.middle], search=search)
 
+    def partial_errors(self) -> list[Explained]:
+        """The log with an error of a part of it undone, the likeliest ones; each is as seldom as two errors."""
+        return self.radio.partial_errors([self.middle])
+
     def weighed(
         self,
         errors: Sequence[Explained],
@@ -86,9 +90,11 @@ class SetEvidence:
         two_errors = self.radio.second_errors([self.middle], errors)
         return self.weighed(errors, settings, predicted, refuted_places, two_errors)
 
-    def if_right(self, errors: Sequence[Explained], settings: MutualCheckSettings) -> Mapping[str, float]:
+    def if_right(
+        self, errors: Sequence[Explained], settings: MutualCheckSettings, two_errors: Sequence[Explained] = ()
+    ) -> Mapping[str, float]:
         """Log-evidence of log and registrations where the set is right, by what is wrong with the log."""
-        right = if_closures_are_right(self.claimed, errors, settings)
+        right = if_closures_are_right(self.claimed, errors, settings, two_errors)
         # The others are false in every one of these stories; what differs is that this one is not.
         each = self.log_missed - self.closures.log_look_alike
         return {cause: value + each for cause, value in right.items()}
@@ -99,7 +105,7 @@ def places(closures: Sequence[Closure]) -> float:
     if not closures:
         return 0.0
     ends = np.array([(c.query.index, c.match.index) for c in closures])
-    return 1.0 + float(np.ptp(ends, axis=0).min()) / _PLACE_KEYFRAMES
+    return 1.0 + float(np.ptp(ends, axis=0).min()) / PLACE_KEYFRAMES
 
 
 def _log_missed(agreeing: Sequence[Closure], middle: Closure, radio: PairRadio, tried: Sequence[Closure]) -> float:

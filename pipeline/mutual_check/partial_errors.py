@@ -1,0 +1,125 @@
+"""Errors that only a part of a log has: what one robot received, or all that was measured before or after a time.
+
+A change may lie between any two measurements.  All places and all errors are weighed at once where closures have the
+robots: of each measurement it is known what each error, undone, would explain of it, and parts are sums of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
+from wiclosure.pipeline.mutual_check.readings import Reading
+from wiclosure.types import FloatArray, WirelessLog, WirelessMeasurement
+from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a log.
+
+    Args:
+        clause: which, for the user.
+        receiver: the robot that received it; empty for either.
+        since_ns: its first stamp; None: from the start on.
+        until_ns: the first stamp after it; None: to the end.
+    """
+
+    clause: str
+    receiver: str = ""
+    since_ns: int | None = None
+    until_ns: int | None = None
+
+    def holds(self, m: WirelessMeasurement) -> bool:
+        """Whether a measurement belongs to it."""
+        after = self.since_ns is None or m.stamp_ns >= self.since_ns
+        before = self.until_ns is None or m.stamp_ns < self.until_ns
+        return after and before and self.receiver in {"", m.receiver}
+
+    def corrected(self, whole: Correction) -> Correction:
+        """What undoes an error in this part only."""
+
+        def apply(inputs: RadioInputs) -> RadioInputs:
+            trajectories, log = inputs
+            own = replace(log, measurements=tuple(m for m in log.measurements if self.holds(m)))
+            changed = iter(whole.apply((trajectories, own))[1].measurements)
+            both = tuple(next(changed) if self.holds(m) else m for m in log.measurements)
+            return trajectories, replace(log, measurements=both)
+
+        return replace(whole, fault=f"{self.clause}, {whole.fault}", apply=apply, whole_log=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PartialError:
+    """One error of one part: what undoes it, how likely it was beforehand, and with that the log's evidence for it."""
+
+    undone: Correction
+    log_share: float
+    log_evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartialErrors:
+    """Every error in every part of a log.
+
+    Args:
+        parts: P of them.
+        corrections: N, of all sizes of all errors.
+        log_shares: `(N,)`, how likely each size of an error was beforehand, and one part of all.
+        log_evidence: `(N, P)`, of the whole log with each undone in each part, and with that; natural logarithms.
+    """
+
+    parts: Sequence[Part]
+    corrections: Sequence[Correction]
+    log_shares: FloatArray
+    log_evidence: FloatArray
+
+    @classmethod
+    def of(cls, pair: MergedPair, log: WirelessLog, tried: Sequence[Reading]) -> PartialErrors:
+        """Of the log of two robots where a map has them; errors that leave out measurements are none of a part."""
+        sized = [
+            (correction, share, corrected)
+            for reading in tried
+            if not reading.widens
+            for correction, share in zip(reading.corrections, reading.log_shares.tolist(), strict=True)
+            if correction.of_log
+            and len((corrected := correction.apply((pair.merged, log))[1]).measurements) == len(log.measurements)
+            and corrected.measurements != log.measurements
+        ]
+        parts = _parts(log)
+        if not parts or not sized:
+            return cls((), (), np.zeros(0), np.zeros((0, 0)))
+        of_each = pair.of_each_measurement([log, *(replace(other, headings=log.headings) for _, _, other in sized)])
+        inside = np.array([[part.holds(m) for m in log.measurements] for part in parts], float)
+        gained = (of_each[1:] - of_each[0]) @ inside.T
+        log_shares = np.array([share for _, share, _ in sized]) - np.log(len(parts))
+        total = of_each[0].sum() + gained + log_shares[:, None]
+        return cls(parts, [correction for correction, _, _ in sized], log_shares, total)
+
+    def likeliest(self, most: int) -> list[PartialError]:
+        """So many of them."""
+        order = np.argsort(self.log_evidence, axis=None)[::-1][:most]
+        rows, columns = np.unravel_index(order, self.log_evidence.shape)
+        return [
+            PartialError(
+                self.parts[part].corrected(self.corrections[n]),
+                float(self.log_shares[n]),
+                float(self.log_evidence[n, part]),
+            )
+            for n, part in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
+
+
+def _parts(log: WirelessLog) -> list[Part]:
+    """What each robot received, if both did, and what lies before or after each change there may have been."""
+    receivers = sorted({m.receiver for m in log.measurements})
+    found = [Part(f"in what {robot} received", receiver=robot) for robot in receivers if len(receivers) > 1]
+    stamps = sorted({m.stamp_ns for m in log.measurements})
+    for stamp_ns in stamps[1:]:
+        seconds = f"{(stamp_ns - stamps[0]) / 1e9:.0f} s after the first measurement"
+        found.append(Part(f"from {seconds} on", since_ns=stamp_ns))
+        found.append(Part(f"until {seconds}", until_ns=stamp_ns))
+    return found
