@@ -44,10 +44,11 @@ class Part:
 
         def apply(inputs: RadioInputs) -> RadioInputs:
             trajectories, log = inputs
-            own = replace(log, measurements=tuple(m for m in log.measurements if self.holds(m)))
-            changed = iter(whole.apply((trajectories, own))[1].measurements)
-            both = tuple(next(changed) if self.holds(m) else m for m in log.measurements)
-            return trajectories, replace(log, measurements=both)
+            alone = (
+                replace(log, measurements=(m,)) for m in log.measurements
+            )  # one by one: an error may leave some out
+            changed = (whole.apply((trajectories, m))[1] if self.holds(m.measurements[0]) else m for m in alone)
+            return trajectories, replace(log, measurements=tuple(m for one in changed for m in one.measurements))
 
         return replace(whole, fault=f"{self.clause}, {whole.fault}", apply=apply, whole_log=False)
 
@@ -96,7 +97,7 @@ class PartialErrors:
         inside = np.array([[part.holds(m) for m in log.measurements] for part in parts], float)
         gained = (of_each[1:] - of_each[0]) @ inside.T
         log_shares = np.array([share for _, share, _ in sized]) - np.log(len(parts))
-        total = of_each[0].sum() + gained + log_shares[:, None]
+        total = pair.log_evidences([log], [False])[0] + gained + log_shares[:, None]
         return cls(parts, [correction for correction, _, _ in sized], log_shares, total)
 
     def likeliest(self, most: int) -> list[PartialError]:

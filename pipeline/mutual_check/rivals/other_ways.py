@@ -14,13 +14,13 @@ from scipy.spatial import cKDTree
 
 from wiclosure import se3
 from wiclosure.frontends.registration.floor_plans import LookAlike, other_ways, standing_points
-from wiclosure.frontends.registration.initial_guesses import REACH_VOXELS
+from wiclosure.frontends.registration.initial_guesses import REACH_VOXELS, REACH_YAW_RAD
 from wiclosure.frontends.registration.registration import is_elsewhere
 from wiclosure.frontends.scale import voxel_size_m
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.pair_check import Pair
 from wiclosure.pipeline.mutual_check.rivals.sets import FEWEST
-from wiclosure.pipeline.mutual_check.set_evidence import NEAR_M
+from wiclosure.pipeline.mutual_check.set_evidence import NEAR_M, PLACE_KEYFRAMES
 from wiclosure.types import (
     Closure,
     Float32Array,
@@ -31,6 +31,7 @@ from wiclosure.types import (
     PredictionKind,
     Stage,
     Trajectory,
+    measured_poses,
     survivors,
 )
 
@@ -39,6 +40,7 @@ Register = Callable[[Sequence[Closure]], list[Closure]]
 
 _MOST_KEYFRAMES = 60  # of a robot that its map is made of, evenly along its path
 _MOST_PAIRS = 12  # of keyframes that are registered for each
+_LEAST_SCORE = 0.01  # of keyframes that do not fit where the map has them: any others fit better
 _YAW_SIGMA_RAD, _LEVEL_SIGMA_RAD, _HEIGHT_SIGMA_M = 0.05, 0.03, 0.5
 
 
@@ -51,7 +53,7 @@ class OtherWay:
         tried: closures of keyframes that it brings together, registered.
         agreeing: those of them that were found there.
         moved_m: how far it moves the middle of the second robot's path.
-        score: median of what registration tells of `tried`, 0 to 1.
+        score: how well they fit, beside keyframes that the map brings as near to each other; 1: as well.
     """
 
     T: FloatArray
@@ -95,20 +97,46 @@ class MergedPair:
 
     def other_ways(self, register: Register) -> Iterator[OtherWay]:
         """Those that fit about as well as the map does; `register` registers keyframes that they bring together."""
-        as_merged: tuple[int, float] | None = None
+        wide = len(self._near(np.eye(4)))
         for alike in self.alike:
             proposed = self._proposed(alike.T)
-            if len(proposed) < FEWEST or not self._passed(register([_nearest(proposed)])):
+            if len(proposed) < FEWEST or 2 * len(self._near(alike.T)) < wide:
+                continue
+            if not any(self._passed(register([one])) for one in _nearest(proposed)):
                 continue
             tried = register(proposed)
             agreeing = self._passed(tried)
-            if as_merged is None:
-                near = self._near(np.eye(4))
-                as_merged = len(near), _score(register(self._proposed(np.eye(4))))
-            wide, score = as_merged
-            enough = 2 * len(self._near(alike.T)) >= wide and 2 * len(agreeing) >= len(tried)
-            if enough and (own := _score(tried)) >= self.config.registration.ambiguity * score:
-                yield OtherWay(alike.T, tried, agreeing, self._moved_m(alike.T), own)
+            if 2 * len(agreeing) >= len(tried):
+                score = self._beside_map(agreeing, register)
+                if score >= self.config.registration.ambiguity:
+                    yield OtherWay(alike.T, tried, agreeing, self._moved_m(alike.T), score)
+
+    def _beside_map(self, found: Sequence[Closure], register: Register) -> float:
+        """How well keyframes fit that another way brings together, beside some that the map brings as near: a ratio.
+
+        Scans share the less the farther apart they were taken, and the two ways do not bring the same ones together: a
+        wrong map may well have one path run along the other, where the right one has them cross.
+        """
+        near = self._as_near_in_map(found)
+        if len(near) == 0:
+            return float("inf")
+        like = register(self._of_keyframes(near, np.eye(4)))
+        ratios = [_score(own) / max(_score(other), _LEAST_SCORE) for own, other in zip(found, like, strict=True)]
+        return float(np.median(ratios))
+
+    def _as_near_in_map(self, found: Sequence[Closure]) -> IntArray:
+        """`(N, 2)` keyframes that the map has as far apart as N closures have theirs, of about the same places.
+
+        None where it has none within reach of each other.
+        """
+        first, second = (cKDTree(path.positions) for path in self.paths)
+        near = first.sparse_distance_matrix(second, NEAR_M, output_type="ndarray")
+        if len(near) == 0:
+            return np.zeros((0, 2), np.int64)
+        apart_m = np.linalg.norm(measured_poses(found)[0][:, :3, 3], axis=1)
+        further = np.abs(near["j"] - np.array([c.match.index for c in found])[:, None]) / PLACE_KEYFRAMES
+        rows = np.argmin(np.abs(near["v"] - apart_m[:, None]) + further, axis=1)
+        return np.column_stack([near["i"][rows], near["j"][rows]])
 
     def _moved_m(self, T: FloatArray) -> float:
         """By how much the middle of the second robot's path is moved."""
@@ -123,23 +151,27 @@ class MergedPair:
         return np.column_stack([np.asarray(row)[near], near])
 
     def _proposed(self, T: FloatArray) -> list[Closure]:
-        """Closures of keyframes that lie near each other, evenly along the path, with what is predicted of them."""
+        """Closures of keyframes that lie near each other, evenly along the path."""
         near = self._near(T)
         chosen = near[np.unique(np.linspace(0, len(near) - 1, min(_MOST_PAIRS, len(near))).round().astype(int))]
+        return self._of_keyframes(chosen, T)
+
+    def _of_keyframes(self, rows: IntArray, T: FloatArray) -> list[Closure]:
+        """Closures of keyframes `(N, 2)`, with what is predicted of them."""
         sigmas = [_LEVEL_SIGMA_RAD] * 2 + [_YAW_SIGMA_RAD] + [REACH_VOXELS / 2 * self.voxel_m] * 2 + [_HEIGHT_SIGMA_M]
         first, second = self.paths
-        predicted = se3.between(first.poses[chosen[:, 0]], T @ second.poses[chosen[:, 1]])
+        predicted = se3.between(first.poses[rows[:, 0]], T @ second.poses[rows[:, 1]])
         return [
             Closure(
                 KeyframeId(first.robot, i),
                 KeyframeId(second.robot, j),
                 prediction=Prediction(pose, np.diag(np.square(sigmas)), PredictionKind.POSE),
             )
-            for (i, j), pose in zip(chosen.tolist(), predicted, strict=True)
+            for (i, j), pose in zip(rows.tolist(), predicted, strict=True)
         ]
 
     def _passed(self, tried: Sequence[Closure]) -> list[Closure]:
-        """Those that need no prediction to be accepted, and are not as the map has them."""
+        """Those that need no prediction to be accepted, and are where this way has them, not where the map does."""
         settings = self.config.registration
         return [
             closure
@@ -147,8 +179,17 @@ class MergedPair:
             if (found := closure.evidence) is not None
             and found.inlier_ratio >= settings.min_inlier_ratio
             and found.agreement >= settings.min_agreement
+            and self._is_as_predicted(closure)
             and self._is_elsewhere(closure)
         ]
+
+    def _is_as_predicted(self, closure: Closure) -> bool:
+        """To within registration's reach: of equal pillars it may well find the next."""
+        if closure.measured is None or closure.prediction is None:
+            return False
+        off = se3.between(closure.prediction.T_query_match, closure.measured.T_query_match)
+        near = float(np.linalg.norm(off[:3, 3])) < REACH_VOXELS * self.voxel_m
+        return near and float(se3.rotation_angle(off)) < REACH_YAW_RAD
 
     def _is_elsewhere(self, closure: Closure) -> bool:
         first, second = self.paths
@@ -161,12 +202,11 @@ def _standing(path: Trajectory, clouds: Sequence[Float32Array], voxel_m: float) 
     return standing_points([clouds[row] for row in rows.tolist()], path.poses[rows], voxel_m)
 
 
-def _nearest(proposed: Sequence[Closure]) -> Closure:
-    """Of the keyframes that lie nearest to each other: if any fit, these do."""
-    return min(proposed, key=lambda c: float(np.linalg.norm(c.prediction.T_query_match[:3, 3])) if c.prediction else 0)
+def _nearest(proposed: Sequence[Closure]) -> list[Closure]:
+    """Of each third of the path the keyframes that lie nearest to each other: if any fit, these do."""
+    apart_m = np.array([np.linalg.norm(c.prediction.T_query_match[:3, 3]) for c in proposed if c.prediction])
+    return [proposed[int(rows[np.argmin(apart_m[rows])])] for rows in np.array_split(np.arange(len(proposed)), 3)]
 
 
-def _score(tried: Sequence[Closure]) -> float:
-    """How well keyframes fit that are brought together: median over those with enough in them to tell."""
-    scores = [closure.evidence.score for closure in tried if closure.evidence is not None]
-    return float(np.median(scores)) if scores else 0.0
+def _score(closure: Closure) -> float:
+    return 0.0 if closure.evidence is None else closure.evidence.score

@@ -177,11 +177,11 @@ def _weighed(
     settings: MutualCheckSettings,
 ) -> _Score:
     evidence = SetEvidence.of(closures, others, radio, tried)
-    errors = evidence.errors()
-    right = evidence.if_right(errors, settings)
-    alone = evidence.weighed(errors, settings)
+    errors, partial = evidence.errors(), evidence.partial_errors()
+    right = evidence.if_right(errors, settings, partial)
+    alone = evidence.weighed(errors, settings, two_errors=partial)
     # A log that says next to nothing where a set has the robots speaks for no set, however it speaks against others.
-    best = max([evidence.claimed, *errors], key=lambda one: one.implied)
+    best = max([evidence.claimed, *errors, *partial], key=lambda one: one.implied)
     convinces = best.implied > TELLING and alone.verdict in {Verdict.CLOSURES, Verdict.COMPATIBLE}
     cause = max(right, key=lambda cause: right[cause])
     return _Score(
