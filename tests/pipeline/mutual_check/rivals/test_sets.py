@@ -119,3 +119,15 @@ def test_what_no_measurement_tells_apart_stays_in_doubt(team: dict[str, Trajecto
     assert len(rivals.kept) in {10, 11}
     assert "does not decide: most likely the " in rivals.sentence
     assert without_lost(found, [rivals]) == tuple(found)
+
+
+@pytest.mark.slow
+def test_a_log_whose_units_change_half_way_fits_the_true_set(team: dict[str, Trajectory], log: WirelessLog) -> None:
+    half = len(log.measurements) // 2
+    spoilt = replace(log, measurements=(*log.measurements[:half], *map(FAULTS["feet"], log.measurements[half:])))
+    found = [*closures(team, "true", 10), *closures(team, "look alike", 11)]
+    (rivals,) = weigh_rivals(pairwise_consistent(found, team), team, spoilt, Config())
+    assert rivals.decides
+    assert set(rivals.kept) == set(range(10))
+    assert rivals.cause.startswith("from ")
+    assert rivals.cause.endswith("s after the first measurement on, ranges seem to be in feet, not in metres")
