@@ -169,13 +169,14 @@ class MapOdds:
         tried = readings_of_log(*pair.pair, log, pair.alignment.calibration, pair.apart(log))
         widened = [False, *(reading.widens for reading in tried for _ in reading.corrections)]
         others = [c.apply((pair.merged, log))[1] for reading in tried for c in reading.corrections]
-        as_read, *each = pair.log_evidences([log, *others], widened).tolist()
+        evidence = pair.evidence([log, *others], widened)
+        as_read, *each = evidence.total.tolist()
         found = np.split(np.array(each), np.cumsum([len(reading.corrections) for reading in tried])[:-1])
         usual = [float(np.max(of - np.square(r.sigmas) / 2)) for r, of in zip(tried, found, strict=True) if r.sigmas]
         honest = np.log(1.0 - settings.systematic_error - settings.unknown_error) + max(as_read, *usual, -np.inf)
         known = np.log(settings.systematic_error / len(tried))
         wrong = known + np.array([logsumexp(of + r.log_shares) for r, of in zip(tried, found, strict=True)])
-        partial = PartialErrors.of(pair, log, tried)
+        partial = PartialErrors.of(log, tried, evidence)
         partly_wrong = float(2 * known + logsumexp([-np.inf, *partial.log_evidence.ravel()]))
         log_odds = float(logsumexp([*wrong, partly_wrong, np.log(settings.unknown_error)]) - honest)
         return cls(as_read, tried, found, wrong, partial, partly_wrong, log_odds)

@@ -19,6 +19,19 @@ from wiclosure.wiclosure_filter.links.links import Links
 
 
 @dataclass(frozen=True, eq=False)
+class LogEvidence:
+    """How likely N logs are where a map has the robots, as natural logarithms; 0 is what says nothing.
+
+    Args:
+        total: `(N,)`.
+        of_each: `(N, M)`, of each measurement; NaN for logs that have not as many as the first, or other headings.
+    """
+
+    total: FloatArray
+    of_each: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class MergedPair:
     """Two robots in one map.
 
@@ -41,21 +54,22 @@ class MergedPair:
             logs: of measurements of these two, the first as it was read, the others as it may be read.
             widened: true for logs of wider standard deviations: they count for no more than those of the first.
         """
-        found = np.zeros(len(logs))
+        return self.evidence(logs, widened).total
+
+    def evidence(self, logs: Sequence[WirelessLog], widened: Sequence[bool]) -> LogEvidence:
+        """The same, of each measurement besides."""
+        total, of_each = np.zeros(len(logs)), np.full((len(logs), len(logs[0].measurements)), np.nan)
         by_compass: dict[int, list[int]] = {}
         for n, log in enumerate(logs):
             by_compass.setdefault(id(log.headings), []).append(n)
         for same in by_compass.values():
-            found[same] = self._of_same_headings([logs[n] for n in same], np.array([widened[n] for n in same]))
-        return found
-
-    def of_each_measurement(self, logs: Sequence[WirelessLog]) -> FloatArray:
-        """Log-likelihoods `(N, M)` of each measurement of N logs of as many, with the same headings."""
-        found, together = np.zeros((len(logs), len(logs[0].measurements))), self._together(logs)
-        if together is not None:
-            observations, part, row = together
-            np.add.at(found, (part, row), self._of_measurements(observations, part, np.zeros(len(logs), bool)))
-        return found
+            own = [logs[n] for n in same]
+            total[same], part, row, each = self._of_same_headings(own, np.array([widened[n] for n in same]))
+            if 0 in same:
+                alike = np.array([len(log.measurements) == len(logs[0].measurements) for log in own])
+                of_each[np.array(same)[alike]] = 0.0
+                np.add.at(of_each, (np.array(same)[part[alike[part]]], row[alike[part]]), each[alike[part]])
+        return LogEvidence(total, of_each)
 
     def apart(self, log: WirelessLog) -> Apart:
         """How far apart the antennas were, as measured and in the map."""
@@ -64,21 +78,19 @@ class MergedPair:
     def _links(self, log: WirelessLog) -> Links:
         return TeamLinks.of(self.merged, log, GatheringLimits.of(self.alignment)).by_pair[self.pair]
 
-    def _of_same_headings(self, logs: Sequence[WirelessLog], widened: BoolArray) -> FloatArray:
-        """The same, all at once."""
-        together = self._together(logs)
-        if together is None:
-            return np.zeros(len(logs))
-        observations, part, _ = together
-        each = self._of_measurements(observations, part, widened)
-        return np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+    def _of_same_headings(
+        self, logs: Sequence[WirelessLog], widened: BoolArray
+    ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+        """Of all at once, as one log whose parts have nothing to do with each other.
 
-    def _together(self, logs: Sequence[WirelessLog]) -> tuple[Observations, IntArray, IntArray] | None:
-        """As one log whose parts have nothing to do with each other: of which log each is, and which of it."""
+        Returns:
+            Log-evidences `(N,)`; of each measurement used: of which log it is, which of its measurements, and its own.
+        """
         together = WirelessLog(tuple(m for log in logs for m in log.measurements), logs[0].headings)
         links = self._links(together)
         if len(links) == 0:
-            return None
+            nothing = np.zeros(0, np.int64)
+            return np.zeros(len(logs)), nothing, nothing, np.zeros(0)
         starts = np.cumsum([0, *(len(log.measurements) for log in logs)])
         part = np.searchsorted(starts, links.measurement, side="right") - 1
         distance_m = np.linalg.norm(links.antenna_b - links.antenna_a, axis=1)
@@ -87,7 +99,9 @@ class MergedPair:
             independence=independence(links, self.alignment.radio.static_radius_m, part),
             near_range_m=np.maximum(distance_m, MIN_DISTANCE_M),
         )
-        return observations, part, links.measurement - starts[part]
+        each = self._of_measurements(observations, part, widened)
+        total = np.bincount(part, each, len(logs)) + _compasses(observations, part, len(logs))
+        return total, part, links.measurement - starts[part], each
 
     def _of_measurements(self, observations: Observations, part: IntArray, widened: BoolArray) -> FloatArray:
         """Log-likelihoods `(M,)`, weighed: neighbouring measurements share the drift of odometry.

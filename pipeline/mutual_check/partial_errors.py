@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
+from wiclosure.pipeline.mutual_check.map_evidence import LogEvidence, MergedPair
 from wiclosure.pipeline.mutual_check.readings import Reading
 from wiclosure.types import FloatArray, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.faults.corrections import Correction, RadioInputs
@@ -79,26 +79,31 @@ class PartialErrors:
     log_evidence: FloatArray
 
     @classmethod
-    def of(cls, pair: MergedPair, log: WirelessLog, tried: Sequence[Reading]) -> PartialErrors:
-        """Of the log of two robots where a map has them; errors that leave out measurements are none of a part."""
-        sized = [
-            (correction, share, corrected)
-            for reading in tried
-            if not reading.widens
-            for correction, share in zip(reading.corrections, reading.log_shares.tolist(), strict=True)
-            if correction.of_log
-            and len((corrected := correction.apply((pair.merged, log))[1]).measurements) == len(log.measurements)
-            and corrected.measurements != log.measurements
-        ]
+    def of(cls, log: WirelessLog, tried: Sequence[Reading], found: LogEvidence) -> PartialErrors:
+        """Of the log of two robots.
+
+        Args:
+            log: as it was read.
+            tried: errors, of which those that leave out measurements, or widen standard deviations, are none of a part.
+            found: of the log as it was read, and with each size of each error undone.
+        """
         parts = _parts(log)
-        if not parts or not sized:
+        if not parts:
             return cls((), (), np.zeros(0), np.zeros((0, 0)))
-        of_each = pair.of_each_measurement([log, *(replace(other, headings=log.headings) for _, _, other in sized)])
+        gained = found.of_each[1:] - found.of_each[0]
+        widens = np.array([reading.widens for reading in tried for _ in reading.corrections])
+        rows = np.flatnonzero(np.isfinite(gained).all(axis=1) & gained.any(axis=1) & ~widens)
         inside = np.array([[part.holds(m) for m in log.measurements] for part in parts], float)
-        gained = (of_each[1:] - of_each[0]) @ inside.T
-        log_shares = np.array([share for _, share, _ in sized]) - np.log(len(parts))
-        total = pair.log_evidences([log], [False])[0] + gained + log_shares[:, None]
-        return cls(parts, [correction for correction, _, _ in sized], log_shares, total)
+        log_shares = np.concatenate([reading.log_shares for reading in tried])[rows] - np.log(len(parts))
+        log_evidence = gained[rows] @ inside.T + (found.total[0] + log_shares)[:, None]
+        corrections = [correction for reading in tried for correction in reading.corrections]
+        return cls(parts, [corrections[row] for row in rows.tolist()], log_shares, log_evidence)
+
+    @classmethod
+    def among(cls, pair: MergedPair, log: WirelessLog, tried: Sequence[Reading]) -> PartialErrors:
+        """The same, where a map has the robots; `tried` are errors of the log alone."""
+        others = [correction.apply((pair.merged, log))[1] for reading in tried for correction in reading.corrections]
+        return cls.of(log, tried, pair.evidence([log, *others], [False] * (1 + len(others))))
 
     def likeliest(self, most: int) -> list[PartialError]:
         """So many of them."""

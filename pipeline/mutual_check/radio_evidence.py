@@ -124,8 +124,9 @@ class PairRadio:
         middle, T_a_b = self._implied(closures)
         there = {first: self.trajectories[first], second: self.trajectories[second].moved(T_a_b)}
         tied = {key.robot: np.array([key.index]) for key in (middle.query, middle.match)}
-        tried = readings(*self.pair, self.log, apart=self._apart(closures))
-        found = PartialErrors.of(MergedPair(self.pair, there, tied, self.settings), self.log, tried)
+        errors = readings(*self.pair, self.log, apart=self._apart(closures))
+        of_log = [reading for reading in errors if all(c.of_log for c in reading.corrections)]
+        found = PartialErrors.among(MergedPair(self.pair, there, tied, self.settings), self.log, of_log)
         return [
             Explained(one.undone.fault, one.log_share + self._with_undone(one.undone, closures))
             for one in found.likeliest(_FIRST)

@@ -12,7 +12,7 @@ from wiclosure.pipeline.config import MutualCheckSettings
 from wiclosure.pipeline.mutual_check.map_check import Contradiction, Fit, held_against
 from wiclosure.pipeline.mutual_check.map_evidence import MergedPair
 from wiclosure.pipeline.mutual_check.partial_errors import Part, PartialErrors
-from wiclosure.pipeline.mutual_check.readings import readings
+from wiclosure.pipeline.mutual_check.readings import readings_of_log
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.config import AlignmentSettings
@@ -84,7 +84,8 @@ def test_an_error_of_the_whole_log_is_named_as_such(merged: MergedPair) -> None:
 
 def test_sums_over_parts_are_as_of_the_log_with_the_part_corrected(merged: MergedPair) -> None:
     log = spoilt(PARTS["in what b received"])
-    partial = PartialErrors.of(merged, log, readings("a", "b", log, apart=merged.apart(log)))
+    usual = AlignmentSettings().calibration
+    partial = PartialErrors.among(merged, log, readings_of_log("a", "b", log, usual, merged.apart(log)))
     (likeliest, *_) = partial.likeliest(3)
     corrected = likeliest.undone.apply((TRUTH, log))[1]
     whole = float(merged.log_evidences([corrected], [False])[0])
@@ -93,7 +94,8 @@ def test_sums_over_parts_are_as_of_the_log_with_the_part_corrected(merged: Merge
 
 def test_one_measurement_has_no_part(merged: MergedPair) -> None:
     one = WirelessLog(HONEST.measurements[:1])
-    assert PartialErrors.of(merged, one, readings("a", "b", one)).likeliest(3) == []
+    tried = readings_of_log("a", "b", one, AlignmentSettings().calibration, merged.apart(one))
+    assert PartialErrors.among(merged, one, tried).likeliest(3) == []
 
 
 def test_a_correction_of_a_part_leaves_the_order() -> None:
