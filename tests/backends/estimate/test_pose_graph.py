@@ -183,7 +183,7 @@ def test_robots_without_closures_stay_in_their_own_frame_and_are_reported(team_m
 
 def test_robots_whose_closures_were_all_rejected_are_told_apart_from_those_without(team_maker):
     team, rng = team_maker(4, ("alpha", "beta")), np.random.default_rng(4)
-    rejected = [replace(c, rejected_at=Stage.CONSISTENCY, reason="false") for c in random_closures(team, 3, rng)]
+    rejected = [replace(c, rejected_at=Stage.CONSISTENCY, reason="false") for c in team.random_closures(3, rng)]
     said = optimise(team.odometry, rejected, PoseGraphSettings()).diagnosis
     assert "no accepted closure connects beta to alpha: it stays in its own frame" in said
 
