@@ -42,7 +42,8 @@ class _Frames:
     def of_medoids(cls, candidates: Sequence[CandidateSet]) -> _Frames:
         """By one closure of each set: less sharp."""
         of = [(c.comparison.claims, c.closure_set.medoid) for c in candidates]
-        return cls(*(np.stack([getattr(z, name)[n] for z, n in of]) for name in ("frames", "noise", "wander")))
+        T, noise = (np.stack([getattr(z, name)[n] for z, n in of]) for name in ("frames", "noise"))
+        return cls(T, noise, np.concatenate([z.wander_at(np.array([n])) for z, n in of]))
 
     def __getitem__(self, rows: IntArray) -> _Frames:
         return _Frames(self.T[rows], self.noise[rows], self.wander[rows])

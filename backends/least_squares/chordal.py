@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.system import System, whiteners
-from wiclosure.types import FloatArray
+from wiclosure.types import FloatArray, IntArray
 
 
 def chordal(system: System, poses: FloatArray) -> FloatArray:
@@ -33,17 +33,31 @@ def chordal(system: System, poses: FloatArray) -> FloatArray:
 
 
 def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
-    """The poses given or chordal initialisation, whichever costs less, of each connected part of the graph."""
+    """The poses given or chordal initialisation, whichever costs less, of each connected part of the graph.
+
+    Or those given, where no part costs more by them than true poses are expected to: no start is better.
+    """
+    parts, part = _parts(system)
+    of_edges = part[system.edges.first]
+    expected = len(system.compared) * np.bincount(of_edges, minlength=parts)
+    if (np.bincount(of_edges, system.chi_squares(poses), parts) <= expected).all():
+        return poses
     return cheaper(system, poses, chordal(system, poses))
 
 
 def cheaper(system: System, poses: FloatArray, others: FloatArray) -> FloatArray:
     """Of two sets of poses `(N, 4, 4)`, those that cost less, in each connected part of the graph by itself."""
+    parts, part = _parts(system)
+    costs = [np.bincount(part[system.edges.first], system.chi_squares(of), parts) for of in (poses, others)]
+    return np.where((costs[1] < costs[0])[part][:, None, None], others, poses)
+
+
+def _parts(system: System) -> tuple[int, IntArray]:
+    """How many connected parts the graph has, and that of each node `(N,)`."""
     first, second = system.edges.first, system.edges.second
     joined = sp.coo_matrix((np.ones(len(first)), (first, second)), shape=(system.size, system.size))
     parts, part = connected_components(joined, directed=False)
-    costs = [np.bincount(part[first], system.chi_squares(of), parts) for of in (poses, others)]
-    return np.where((costs[1] < costs[0])[part][:, None, None], others, poses)
+    return int(parts), part
 
 
 def _nearest_rotations(M: FloatArray) -> FloatArray:

@@ -50,9 +50,17 @@ class Edges:
         """The edges at `rows`, boolean or indices."""
         return Edges(self.first[rows], self.second[rows], self.T[rows], self.covariance[rows])
 
+    def predicted(self, poses: FloatArray) -> FloatArray:
+        """The measurements `(M, 4, 4)` as the poses `(N, 4, 4)` have them."""
+        return se3.between(poses[self.first], poses[self.second])
+
     def errors(self, poses: FloatArray) -> FloatArray:
         """Tangent vectors `(M, 6)` from each measurement to the poses `(N, 4, 4)`."""
-        return se3.log(se3.between(self.T, se3.between(poses[self.first], poses[self.second])))
+        return self.errors_of(self.predicted(poses))
+
+    def errors_of(self, predicted: FloatArray) -> FloatArray:
+        """The same of `predicted (M, 4, 4)`."""
+        return se3.log(se3.between(self.T, predicted))
 
 
 def in_plane(T: FloatArray) -> BoolArray:

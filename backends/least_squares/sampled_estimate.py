@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
+from wiclosure.backends.least_squares.linearised import Linearised
 from wiclosure.backends.least_squares.system import Descent, System
 from wiclosure.types import FloatArray
 
@@ -65,16 +66,20 @@ class Check:
     @classmethod
     def of(cls, system: System, noise: FloatArray, poses: FloatArray, moved: FloatArray) -> Check:
         """By the samples `moved (N, 6, S)` that `noise (M, D, S)` makes of the poses `(N, 4, 4)`."""
-        (A, B), moved, height = system.jacobians(poses), moved[:, system.free], len(system.compared)
+        at, moved, height = (
+            Linearised(system, poses, np.ones(len(system.edges))),
+            moved[:, system.free],
+            len(system.compared),
+        )
+        A, B = at.jacobians
         first, second, covariance = system.edges.first, system.edges.second, np.empty_like(system.W)
         for start in range(0, len(A), EDGES_AT_ONCE):
             rows = slice(start, start + EDGES_AT_ONCE)
             sampled = noise[rows] + A[rows] @ moved[first[rows]] + B[rows] @ moved[second[rows]]
             covariance[rows] = sampled @ np.swapaxes(sampled, 1, 2) / (SAMPLES - height - 1)
         covariance += REDUNDANCY_FLOOR * np.eye(height)
-        residuals = system.residuals(poses)
         expected = np.diagonal(covariance, axis1=1, axis2=2)
-        return cls(residuals, expected, mahalanobis_squared(residuals, covariance))
+        return cls(at.residuals, expected, mahalanobis_squared(at.residuals, covariance))
 
 
 def starting(system: System, noise: FloatArray, poses: FloatArray) -> tuple[System, FloatArray]:

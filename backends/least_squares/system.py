@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import DEGREES, Edges, in_plane
+from wiclosure.backends.least_squares.linearised import Linearised
 from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMatrix
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -21,7 +22,6 @@ STEPS = 150  # of Levenberg-Marquardt, those taken back included
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 LEAST_DAMPED = 1e-6
 MOST_DAMPED = 1e8
-FAST = 0.1  # share of the decrease by one step, up to which that of the next tells that the same factors still serve
 AS_PREDICTED = 0.5  # share of the decrease that the linearised cost predicts, from which steps are damped less
 LEAST_VARIANCE = 1e-12  # rad^2, m^2: covariances that are stated as singular can be inverted
 IN_PLANE = np.array([2, 3, 4])  # yaw, x and y of a tangent vector
@@ -87,7 +87,7 @@ class System:
 
     def staying(self, poses: FloatArray) -> BoolArray:
         """Which edges `(M,)` stay in the plane, as do the poses `(N, 4, 4)` of their ends."""
-        return self.flat & in_plane(se3.between(poses[self.edges.first], poses[self.edges.second]))
+        return self.flat & in_plane(self.edges.predicted(poses))
 
     def moved_as(self, other: System) -> System:
         """With the unknowns of another one's nodes, which edges that leave the plane do not move."""
@@ -100,7 +100,11 @@ class System:
 
     def residuals(self, poses: FloatArray) -> FloatArray:
         """Whitened errors `(M, D)`."""
-        return np.asarray((self.W @ self.edges.errors(poses)[:, self.compared, None])[..., 0])
+        return self.whitened(self.edges.errors(poses))
+
+    def whitened(self, errors: FloatArray) -> FloatArray:
+        """`(M, D)` for `(M, 6)`."""
+        return np.asarray((self.W @ errors[:, self.compared, None])[..., 0])
 
     def chi_squares(self, poses: FloatArray) -> FloatArray:
         """Squared Mahalanobis distances `(M,)`."""
@@ -110,12 +114,15 @@ class System:
         """Sum of the squared distances."""
         return float(self.chi_squares(poses).sum())
 
-    def jacobians(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened derivatives `(M, D, K)` by perturbations of both ends in their bodies."""
-        T_first_second = se3.between(poses[self.edges.first], poses[self.edges.second])
-        error = se3.log(se3.between(self.edges.T, T_first_second))
-        by_second = self.W @ _inverse_right_jacobian(error)[:, self.compared[:, None], self.free]
-        moved = se3.adjoint(se3.inverse(T_first_second))[:, self.free[:, None], self.free]
+    def jacobians(self, predicted: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Whitened derivatives `(M, D, K)` by perturbations of both ends in their bodies.
+
+        Args:
+            predicted: `(M, 4, 4)` of the edges, by some poses.
+            errors: `(M, 6)` of these.
+        """
+        by_second = self.W @ _inverse_right_jacobian(errors)[:, self.compared[:, None], self.free]
+        moved = se3.adjoint(se3.inverse(predicted))[:, self.free[:, None], self.free]
         return -by_second @ moved, by_second
 
     def gradient(self, jacobians: tuple[FloatArray, FloatArray], residuals: FloatArray) -> FloatArray:
@@ -144,12 +151,13 @@ class System:
         if descent.last:
             J, factorised = descent.last
         else:
-            J = self.jacobians(descent.poses)
-            factorised = self.normal.factorised(*J, np.ones(len(self.edges)), self.held, 0.0)
-        return self._tangents(factorised.solve(-self.gradient(J, noise)))
+            ones = np.ones(len(self.edges))
+            J = Linearised(self, descent.poses, ones).jacobians
+            factorised = self.normal.factorised(*J, ones, self.held, 0.0)
+        return self.tangents(factorised.solve(-self.gradient(J, noise)))
 
-    def _tangents(self, moved: FloatArray) -> FloatArray:
-        """`(N, 6, ...)` of movements `(N, K, ...)`."""
+    def tangents(self, moved: FloatArray) -> FloatArray:
+        """Tangent vectors `(N, 6, ...)` of movements `(N, K, ...)`."""
         if len(self.free) == DEGREES:
             return moved
         tangents = np.zeros((len(moved), DEGREES, *moved.shape[2:]))
@@ -158,11 +166,11 @@ class System:
 
     def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
         """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`; `steps` factorisations at most."""
-        damping, at = 0.0, self._linearised(poses, w)
+        damping, at = 0.0, Linearised(self, poses, w)
         for _ in range(steps):
             factorised = self.normal.factorised(*at.jacobians, w, self.held, damping)
             step = factorised.solve(-at.gradient)
-            moved = self._moved(at, step, w)
+            moved = at.moved(step)
             decrease = at.cost - moved.cost
             if not decrease >= 0:
                 damping = max(10.0 * damping, LEAST_DAMPED)
@@ -170,67 +178,14 @@ class System:
                     return Descent(at.poses, True)
                 continue
             last = (at.jacobians, factorised) if damping == 0.0 else None
-            if decrease >= AS_PREDICTED * (at.cost - float(w @ self._predicted(at, step))):
+            if decrease >= AS_PREDICTED * (at.cost - at.predicted_cost(step)):
                 damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
             if last:
-                moved, decrease = self._again(moved, decrease, factorised, w)
+                moved, decrease = moved.further(decrease, factorised, CONVERGED)
             at = moved
             if decrease <= CONVERGED * (at.cost + 1e-9):
                 return Descent(at.poses, True, last)
         return Descent(at.poses, False)
-
-    def _again(
-        self, at: _Linearised, decrease: float, factorised: Factorised, w: FloatArray
-    ) -> tuple[_Linearised, float]:
-        """More steps with the same factors, as long as each lowers the cost by a small part of what the last one did.
-
-        Derivatives by the bodies at both ends of an edge change with their relative pose alone, so little once it is
-        about as measured.
-
-        Returns:
-            Where they end, and the decrease by the last.
-        """
-        while decrease > CONVERGED * (at.cost + 1e-9):
-            moved = self._moved(at, factorised.solve(-at.gradient), w)
-            if not moved.cost <= at.cost:
-                return at, decrease
-            before, decrease, at = decrease, at.cost - moved.cost, moved
-            if decrease > FAST * before:
-                break
-        return at, decrease
-
-    def _moved(self, at: _Linearised, step: FloatArray, w: FloatArray) -> _Linearised:
-        return self._linearised(at.poses @ se3.exp(self._tangents(step)), w)
-
-    def _linearised(self, poses: FloatArray, w: FloatArray) -> _Linearised:
-        jacobians, residuals = self.jacobians(poses), self.residuals(poses)
-        gradient = self.gradient(jacobians, w[:, None] * residuals)
-        return _Linearised(poses, jacobians, residuals, gradient, float(w @ np.sum(residuals**2, axis=1)))
-
-    def _predicted(self, at: _Linearised, step: FloatArray) -> FloatArray:
-        """Squared distances `(M,)` that the derivatives predict after a step `(N, K)`."""
-        A, B = at.jacobians
-        moved = A @ step[self.edges.first, :, None] + B @ step[self.edges.second, :, None]
-        return np.asarray(np.sum((at.residuals + moved[..., 0]) ** 2, axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class _Linearised:
-    """A system at some poses.
-
-    Args:
-        poses: `(N, 4, 4)`.
-        jacobians: `(M, D, K)` by both ends.
-        residuals: `(M, D)`.
-        gradient: `(N, K)` of the weighted cost.
-        cost: weighted sum of squared residuals.
-    """
-
-    poses: FloatArray
-    jacobians: tuple[FloatArray, FloatArray]
-    residuals: FloatArray
-    gradient: FloatArray
-    cost: float
 
 
 def whiteners(covariance: FloatArray) -> FloatArray:

@@ -49,7 +49,11 @@ class ClosureComparison:
         """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""
         missing = [member for member in members.tolist() if member not in self._rows]
         if missing:
-            self._rows.update(zip(missing, self.claims.distances(self.anchors[missing], self.beyond), strict=True))
+            others = np.setdiff1d(np.arange(len(self.claims)), self.anchors)
+            rows = np.empty((len(missing), len(self.claims)))
+            rows[:, self.anchors] = self.between_anchors[missing]
+            rows[:, others] = self.claims.distances(self.anchors[missing], self.beyond, others)
+            self._rows.update(zip(missing, rows, strict=True))
         return np.stack([self._rows[member] for member in members.tolist()])
 
     def consistent_sets(self, limit: float, most: int = MOST_SETS) -> list[ConsistentSet]:

@@ -38,6 +38,7 @@ class Claims:
         covariance: `(N, 6, 6)` of them, as errors in b's body.
         wander_a, wander_b: `(N, 6, S)` samples of the errors of the ends' estimated poses, as tangent vectors in the
             groups' frames.
+        known_flat: what `flat` is, where it is known.
     """
 
     T_A_a: FloatArray
@@ -46,6 +47,7 @@ class Claims:
     covariance: FloatArray
     wander_a: FloatArray
     wander_b: FloatArray
+    known_flat: bool | None = None
 
     def __len__(self) -> int:
         return len(self.T_a_b)
@@ -57,7 +59,8 @@ class Claims:
     def recombined(self, rows: IntArray, others: IntArray) -> Claims:
         """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
         measured = self.T_a_b[rows], self.covariance[rows]
-        return Claims(self.T_A_a[rows], self.T_B_b[others], *measured, self.wander_a[rows], self.wander_b[others])
+        ends = self.wander_a[rows], self.wander_b[others]
+        return Claims(self.T_A_a[rows], self.T_B_b[others], *measured, *ends, known_flat=self.flat or None)
 
     @cached_property
     def frames(self) -> FloatArray:
@@ -70,11 +73,19 @@ class Claims:
         return degrees_of_true_ones(self.frames[:0], self.frames)
 
     @cached_property
+    def flat(self) -> bool:
+        """Whether ends and measurements stay in the plane, and errors there are independent of those out of it."""
+        if self.known_flat is not None:
+            return self.known_flat
+        ends, coupled = (self.wander_a, self.wander_b), self.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE]
+        out = sum(float(np.abs(of_end[:, OUT_OF_PLANE]).max(initial=0.0)) for of_end in ends)
+        apart = out + float(np.abs(coupled).max(initial=0.0)) < ROUNDING
+        return apart and degrees_of_freedom(self.T_A_a, self.T_B_b, self.T_a_b) == len(IN_PLANE)
+
+    @property
     def free(self) -> IntArray:
-        """Components `(K,)` that frames differ in: three in the plane, where errors there are independent of others."""
-        coupled = np.abs(self.noise[:, IN_PLANE[:, None], OUT_OF_PLANE]).max(initial=0.0)
-        apart = coupled + np.abs(self.wander[:, OUT_OF_PLANE]).max(initial=0.0) < ROUNDING
-        return IN_PLANE if apart and degrees_of_freedom(self.frames) == len(IN_PLANE) else np.arange(DEGREES)
+        """Components `(K,)` that frames differ in: three in the plane."""
+        return IN_PLANE if self.flat else np.arange(DEGREES)
 
     @cached_property
     def noise(self) -> FloatArray:
@@ -82,18 +93,32 @@ class Claims:
         return se3.rotate_covariance(se3.adjoint(self.T_B_b), self.covariance)
 
     @cached_property
-    def wander(self) -> FloatArray:
-        """Samples `(N, 6, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
-        samples = self.wander_a.shape[2]
-        both = se3.adjoint(se3.inverse(self.frames)) @ self.wander_a - self.wander_b
+    def free_wander(self) -> FloatArray:
+        """Samples `(N, K, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
+        free, samples = self.free, self.wander_a.shape[2]
+        to_B = se3.adjoint(se3.inverse(self.frames))[:, free[:, None], free]
+        both = to_B @ self.wander_a[:, free] - self.wander_b[:, free]
         return np.asarray(
             both / np.sqrt(max(samples - DEGREES - 1, 1))
         )  # the inverse of a sampled covariance is larger
 
+    @property
+    def wander(self) -> FloatArray:
+        """The same `(N, 6, S)` of all components."""
+        return self.wander_at(np.arange(len(self)))
+
+    def wander_at(self, rows: IntArray) -> FloatArray:
+        """The same `(R, 6, S)` of some closures."""
+        samples = np.zeros((len(rows), DEGREES, self.wander_a.shape[2]))
+        samples[:, self.free] = self.free_wander[rows]
+        return samples
+
     @cached_property
     def frame_covariance(self) -> FloatArray:
         """Covariance `(N, 6, 6)` of each frame by itself, as errors in B."""
-        return np.asarray(self.noise + self.wander @ np.swapaxes(self.wander, 1, 2))
+        covariance, free = self.noise.copy(), self.free
+        covariance[:, free[:, None], free] += self.free_wander @ np.swapaxes(self.free_wander, 1, 2)
+        return covariance
 
     def mean_frame(self, rows: IntArray, near: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """`T_A_B` by the closures at `rows` together, each weighted by its own information.
@@ -106,7 +131,7 @@ class Claims:
             The frame `(4, 4)`, and of its error in B the covariance `(6, 6)` by the measurements and the samples
             `(6, S)` by the ends' poses, which the closures share.
         """
-        noise, wander = self.noise[rows], self.wander[rows]
+        noise, wander = self.noise[rows], self.wander_at(rows)
         information = np.linalg.inv(self.frame_covariance[rows])
         gain = np.linalg.solve(information.sum(axis=0), information)
         apart = se3.log(se3.between(self.frames[near], self.frames[rows]))
@@ -120,8 +145,8 @@ class Claims:
         """
         others = np.arange(len(self)) if others is None else others
         found = np.full((len(rows), len(others)), np.inf)
-        size, width, samples = max(1, PAIRS_AT_ONCE // max(len(others), 1)), len(self.free), self.wander.shape[2]
-        wander, covariances = self.wander[:, self.free], self.frame_covariance[:, self.free[:, None], self.free]
+        size, width, samples = max(1, PAIRS_AT_ONCE // max(len(others), 1)), len(self.free), self.wander_a.shape[2]
+        wander, covariances = self.free_wander, self.frame_covariance[:, self.free[:, None], self.free]
         by_sample = wander[others].reshape(-1, samples).T
         for start in range(0, len(rows), size):
             part = rows[start : start + size]
@@ -137,12 +162,13 @@ class Claims:
 
     def pair_distances(self, one: IntArray, other: IntArray) -> FloatArray:
         """Squared Mahalanobis distances `(P,)` between the frames at `one` and those at `other`."""
-        found = np.empty(len(one))
+        found, free = np.empty(len(one)), self.free
+        noise = self.noise[:, free[:, None], free]
         for start in range(0, len(one), SAMPLED_AT_ONCE):
             i, j = one[start : start + SAMPLED_AT_ONCE], other[start : start + SAMPLED_AT_ONCE]
-            apart = self.wander[j] - self.wander[i]
-            covariance = self.noise[i] + self.noise[j] + apart @ np.swapaxes(apart, 1, 2)
-            error = se3.log(se3.between(self.frames[i], self.frames[j]))
+            apart = self.free_wander[j] - self.free_wander[i]
+            covariance = noise[i] + noise[j] + apart @ np.swapaxes(apart, 1, 2)
+            error = se3.log(se3.between(self.frames[i], self.frames[j]))[:, free]
             found[start : start + SAMPLED_AT_ONCE] = mahalanobis_squared(error, covariance)
         return found
 

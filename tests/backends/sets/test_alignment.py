@@ -84,3 +84,19 @@ def test_a_small_true_set_among_thousands_is_found():
     assert np.isin(np.arange(40), largest.rows).all()
     assert len(largest) <= 42
     assert largest.log_chance < np.log(0.005)
+
+
+def test_distances_between_anchors_are_computed_once(monkeypatch):
+    monkeypatch.setattr(alignment, "ANCHORS", 10)
+    of = compared(np.random.default_rng(4), (12, 9), unrelated=9)
+    exact = of.claims.distances(of.anchors, LIMIT)
+    asked, distances = [], Claims.distances
+
+    def counted(self, rows, beyond, others=None):
+        asked.append(others)
+        return distances(self, rows, beyond, others)
+
+    monkeypatch.setattr(Claims, "distances", counted)
+    np.testing.assert_allclose(of.distances(np.arange(10)), exact)
+    assert len(asked) == 1
+    assert not np.isin(asked[0], of.anchors).any()

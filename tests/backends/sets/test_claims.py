@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,37 @@ def test_recombined_closures_no_distance_apart_are_no_fault():
     """Where each closure is given several times; a quotient of their distances would overflow."""
     apart = np.concatenate([np.zeros(2), np.linspace(100.0, 1e4, 5000)])
     assert 0.0 < chance_to_agree(apart, 16.8, 200) < 0.1
+
+
+def flat_claims(n=20, samples=100):
+    """Between two paths in the plane, whose ends err there."""
+    rng = np.random.default_rng(5)
+    T_a, T_b, T = (se3.from_yaw(rng.uniform(-3, 3, n), rng.normal(0, 20, (n, 3)) * [1.0, 1.0, 0.0]) for _ in range(3))
+    wander_a, wander_b = np.zeros((2, n, 6, samples))
+    wander_a[:, 2:5], wander_b[:, 2:5] = 0.1 * rng.normal(size=(2, n, 3, samples))
+    return Claims(T_a, T_b, T, np.tile(np.diag(SIGMA**2), (n, 1, 1)), wander_a, wander_b)
+
+
+def test_in_the_plane_three_components_tell_what_six_do():
+    flat = flat_claims()
+    full = replace(flat, known_flat=False)
+    assert (flat.flat, len(flat.free), len(full.free)) == (True, 3, 6)
+    rows = np.arange(len(flat))
+    one, other = (of.ravel() for of in np.meshgrid(rows, rows))
+    np.testing.assert_allclose(flat.pair_distances(one, other), full.pair_distances(one, other), atol=1e-6)
+    np.testing.assert_allclose(flat.wander, full.wander, atol=1e-12)
+    np.testing.assert_allclose(flat.frame_covariance, full.frame_covariance, atol=1e-12)
+    np.testing.assert_allclose(flat.chance_distances(), full.chance_distances(), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["T_A_a", "T_B_b", "T_a_b", "covariance", "wander_a", "wander_b"])
+def test_whatever_leaves_the_plane_takes_six(name):
+    flat = flat_claims()
+    out = getattr(flat, name).copy()
+    if name.startswith("T"):
+        out[3, 2, 3] = 0.1
+    elif name == "covariance":
+        out[3, 0, 2] = out[3, 2, 0] = 1e-5
+    else:
+        out[3, 5, 7] = 0.1
+    assert not replace(flat, **{name: out}).flat
