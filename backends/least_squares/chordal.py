@@ -57,7 +57,7 @@ def _parts(system: System) -> tuple[int, IntArray]:
     first, second = system.edges.first, system.edges.second
     joined = sp.coo_matrix((np.ones(len(first)), (first, second)), shape=(system.size, system.size))
     parts, part = connected_components(joined, directed=False)
-    return int(parts), part
+    return int(parts), part.astype(np.int64)
 
 
 def _nearest_rotations(M: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -47,7 +47,7 @@ class Claims:
     covariance: FloatArray
     wander_a: FloatArray
     wander_b: FloatArray
-    known_flat: bool | None = None
+    known_flat: bool | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.T_a_b)
