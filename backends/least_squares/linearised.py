@@ -55,7 +55,7 @@ class Linearised:
     @cached_property
     def jacobians(self) -> tuple[FloatArray, FloatArray]:
         """`(M, D, K)` by both ends."""
-        return self.system.jacobians(self.predicted, self.errors)
+        return self.system.derivatives(self.predicted, self.errors)
 
     @cached_property
     def gradient(self) -> FloatArray:

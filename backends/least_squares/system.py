@@ -114,8 +114,13 @@ class System:
         """Sum of the squared distances."""
         return float(self.chi_squares(poses).sum())
 
-    def jacobians(self, predicted: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened derivatives `(M, D, K)` by perturbations of both ends in their bodies.
+    def jacobians(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Whitened derivatives `(M, D, K)` by perturbations of both ends in their bodies."""
+        predicted = self.edges.predicted(poses)
+        return self.derivatives(predicted, self.edges.errors_of(predicted))
+
+    def derivatives(self, predicted: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same.
 
         Args:
             predicted: `(M, 4, 4)` of the edges, by some poses.
@@ -151,9 +156,8 @@ class System:
         if descent.last:
             J, factorised = descent.last
         else:
-            ones = np.ones(len(self.edges))
-            J = Linearised(self, descent.poses, ones).jacobians
-            factorised = self.normal.factorised(*J, ones, self.held, 0.0)
+            J = self.jacobians(descent.poses)
+            factorised = self.normal.factorised(*J, np.ones(len(self.edges)), self.held, 0.0)
         return self.tangents(factorised.solve(-self.gradient(J, noise)))
 
     def tangents(self, moved: FloatArray) -> FloatArray:
