@@ -8,7 +8,7 @@ the predictions, look-alike pairs are registered without them, and a set that th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
@@ -65,6 +65,8 @@ def check_pair(
         return refused or nothing
     if found.gap is not None and not found.gap.contradicts:
         return PairCheck(outcome.pair, None, tuple(c for c in found.blind if c.live))
+    # The log is held against odometry without the errors that these closures tell of.
+    radio = PairRadio.of(outcome.pair, found.odometry, wireless, config.filter.alignment)
     evidence = SetEvidence.of(found.agreeing, found.others, radio)
     if found.as_predicted and not evidence.claimed.contradicts:
         return nothing
@@ -84,6 +86,7 @@ class _Found:
 
     Args:
         agreeing: the set.
+        odometry: of both robots, as the set has it.
         others: registered closures that contradict it.
         blind: all that were registered without prediction to find it.
         gap: from what is predicted of the set; None where nothing is.
@@ -91,6 +94,7 @@ class _Found:
     """
 
     agreeing: Sequence[Closure] = ()
+    odometry: Mapping[str, Trajectory] = field(default_factory=dict)
     others: int = 0
     blind: tuple[Closure, ...] = ()
     gap: _Gap | None = None
@@ -112,11 +116,12 @@ def _found(
         blind = () if as_predicted else tuple(register_blindly(outcome.pair, contradicting))
         pools = [outcome.live if as_predicted else blind]
     for pool in pools:
-        alike = survivors(pairwise_consistent(pool, both, judged_by(config)).closures, Stage.CONSISTENCY)
+        judged = pairwise_consistent(pool, both, judged_by(config))
+        alike = survivors(judged.closures, Stage.CONSISTENCY)
         if len(alike) > 1:
             others = len(survivors(pool, Stage.REGISTRATION)) - len(alike)
             gap = None if as_predicted else _gap(outcome.kept, alike, config.registration)
-            return _Found(alike, others, blind, gap, as_predicted)
+            return _Found(alike, judged.restated(both), others, blind, gap, as_predicted)
     return _Found(blind=blind)
 
 

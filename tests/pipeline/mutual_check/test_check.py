@@ -132,7 +132,7 @@ def checks(team: Team, log: WirelessLog, blind: Sequence[Closure]) -> PairCheck:
 FAULTS = {
     "feet": (lambda log: longer(log, 3.28, 0.0), "in feet"),
     "3 m too long": (lambda log: longer(log, 1.0, 3.0), "m too long"),
-    "clock": (lambda log: late(log, 2.0), "clock of b"),
+    "clock": (lambda log: late(log, 4.0), "clock of b"),
     "clockwise": (lambda log: turned(log, -1, 0.0), "clockwise, not counter-clockwise"),
     "from the left": (lambda log: turned(log, 1, -90.0), "from the left axis"),
     "reversed": (lambda log: turned(log, 1, 180.0), "reversed"),
