@@ -24,7 +24,7 @@ from wiclosure.pipeline.cli import report as report_command
 from wiclosure.pipeline.cli import reproduce as reproduce_command
 from wiclosure.pipeline.cli import run as commands
 from wiclosure.pipeline.cli import simulate as simulate_command
-from wiclosure.pipeline.cli.entry import INTERRUPTED, NOTHING_WRITTEN, Interruption
+from wiclosure.pipeline.runtime.interruption import INTERRUPTED, NOTHING_WRITTEN, Interruption
 from wiclosure.pipeline.runtime.memory_limit import MemoryLimit
 
 app = typer.Typer(

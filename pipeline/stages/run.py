@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 
 import numpy as np
@@ -22,12 +22,12 @@ from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.evaluate import Findings, evaluate
 from wiclosure.pipeline.evaluation.metrics import CostMetrics
 from wiclosure.pipeline.grounding.grounding import Grounding, earth_metrics, grounded
+from wiclosure.pipeline.radio.part_read import without_later
 from wiclosure.pipeline.runtime.cache import StageCache
 from wiclosure.pipeline.runtime.processes import local_workers
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.odometry import front_ends, remarks
-from wiclosure.pipeline.stages.part_read import without_later_radio
 from wiclosure.pipeline.stages.registration_store import RegistrationStore
 from wiclosure.pipeline.stages.registrations import KnownRegistrations, RegistrationPool
 from wiclosure.pipeline.stages.run_result import RunResult, Solution
@@ -104,7 +104,10 @@ def prepare(
     fronts, from_cache = front_ends(
         inputs.robots, config, cache=cache, jobs=jobs, progress=progress, also=also, viewer=viewer, workers=cluster
     )
-    inputs = without_later_radio(inputs, fronts)
+    if inputs.limit is not None:
+        read_in_part = {name: front for name, front in fronts.items() if front.counts.scans >= inputs.limit}
+        ends_ns = {name: int(front.scans.stamps_ns[-1]) for name, front in read_in_part.items()}
+        inputs = replace(inputs, wireless=without_later(inputs.wireless, ends_ns, inputs.limit))
     grounding = grounded(fronts, inputs, config.earth)
     return Prepared(inputs, config, grounding, from_cache, cache=cache, jobs=jobs, cluster=cluster)
 

@@ -1,4 +1,4 @@
-"""Where the command begins: signals are listened to before anything is loaded, which takes a third of a second."""
+"""Ctrl-C and `kill`: listened to before anything is loaded, which takes a third of a second."""
 
 from __future__ import annotations
 
@@ -35,11 +35,3 @@ class Interruption:
             raise KeyboardInterrupt
         os.write(2, f"{NOTHING_WRITTEN}\n".encode())
         os._exit(INTERRUPTED)
-
-
-def main() -> None:
-    """Entry point: known errors become one line and exit code 1."""
-    Interruption.listen()
-    from wiclosure.pipeline.cli.commands import run_command
-
-    run_command()

@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
 
-from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.types import WirelessLog, WirelessMeasurement
 
 logger = logging.getLogger(__name__)
 
 
-def without_later_radio(inputs: Inputs, fronts: Mapping[str, FrontEndResult]) -> Inputs:
+def without_later(log: WirelessLog, ends_ns: Mapping[str, int], scans: int) -> WirelessLog:
     """Without what was measured after the last scan of a robot of which not all scans were to be read.
 
     Args:
-        inputs: with the number of scans at which reading ends, if any.
-        fronts: what became of the scans, by robot.
+        log: of all robots.
+        ends_ns: stamp of the last scan that was read, of each robot that may have more.
+        scans: how many were to be read of each.
     """
-    if inputs.limit is None:
-        return inputs
-    ends_ns = {
-        robot: int(front.scans.stamps_ns[-1]) for robot, front in fronts.items() if front.counts.scans >= inputs.limit
-    }
 
     def is_later(m: WirelessMeasurement) -> bool:
         sent_ns = m.stamp_ns if m.transmitter_stamp_ns is None else m.transmitter_stamp_ns
@@ -33,7 +26,6 @@ def without_later_radio(inputs: Inputs, fronts: Mapping[str, FrontEndResult]) ->
             for robot, at_ns in ((m.receiver, m.stamp_ns), (m.transmitter, sent_ns))
         )
 
-    log = inputs.wireless
     kept = tuple(m for m in log.measurements if not is_later(m))
     headings = tuple(h for h in log.headings if h.robot not in ends_ns or h.stamp_ns <= ends_ns[h.robot])
     later = len(log.measurements) - len(kept)
@@ -41,11 +33,11 @@ def without_later_radio(inputs: Inputs, fronts: Mapping[str, FrontEndResult]) ->
         logger.warning(
             "all %d radio measurements are later than the %d scans that are read of each robot, and left out: whether"
             " their clock is off shows where more scans are read (-n)",
-            later, inputs.limit,
+            later, scans,
         )  # fmt: skip
     elif later:
         logger.warning(
             "%d of %d radio measurements are later than the %d scans that are read of each robot; left out",
-            later, len(log.measurements), inputs.limit,
+            later, len(log.measurements), scans,
         )  # fmt: skip
-    return replace(inputs, wireless=WirelessLog(kept, headings))
+    return WirelessLog(kept, headings)
