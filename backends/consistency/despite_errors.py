@@ -126,12 +126,12 @@ def _named(steady: Mapping[str, FloatArray]) -> tuple[SteadyError, ...]:
 def _without_decisions(robots: Robots, merged: MergedGroups, settings: MergeSettings) -> tuple[MergedGroups, Robots]:
     """The estimate by the same closures under the scale that they ask for, and robots restated by it."""
     for _ in range(RESCALED):
-        restated = robots.loosened(merged.odometry_factors).scaled(merged.factors)
+        restated = merged.restated(robots)
         settled = settled_within(restated, merged.group, merged.inlier, merged.settled.poses, np.inf)
         asked = of_residuals(settled.redundant, robots.degrees) or 1.0
         scale = float(merged.factors.max())
         merged = replace(merged, settled=settled, factors=merged.factors * allowed(scale * asked, settings) / scale)
-    return merged, robots.loosened(merged.odometry_factors).scaled(merged.factors)
+    return merged, merged.restated(robots)
 
 
 def _without_steady_errors(measured: Measured, found: _Corrected, settings: MergeSettings) -> _Corrected:

@@ -42,7 +42,7 @@ class Explanation:
     @cached_property
     def restated(self) -> Robots:
         """With standard deviations as the merge found them."""
-        return self.robots.loosened(self.merged.odometry_factors).scaled(self.merged.factors)
+        return self.merged.restated(self.robots)
 
     def cost(self, settings: MergeSettings) -> float:
         """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""

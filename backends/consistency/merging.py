@@ -58,6 +58,10 @@ class MergedGroups:
         """One factor up to which closures are inliers."""
         return float(self.room * self.factors.max())
 
+    def restated(self, robots: Robots) -> Robots:
+        """The robots with standard deviations as the merge found them."""
+        return robots.loosened(self.odometry_factors).scaled(self.factors)
+
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""

@@ -12,7 +12,7 @@ from wiclosure import se3
 from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.least_squares.edges import DEGREES
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.system import System
+from wiclosure.backends.least_squares.system import IN_PLANE, System
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
 from wiclosure.types import FloatArray, IntArray, Trajectory
@@ -79,7 +79,7 @@ class _Tested:
             rows = np.flatnonzero(robots.robot[robots.odometry.first] == number)
             if len(rows) and trajectories[name].parents is None:  # odometry that branches is no one path
                 moves[number] = rows, _moves(trajectories[name], team.nodes[name])
-        free = system.free if robots.degrees == DEGREES else np.array([2, 3, 4])
+        free = system.free if robots.degrees == DEGREES else IN_PLANE
         columns = np.array([(robot, component) for robot in moves for component in free.tolist()], np.int64)
         return cls(system, poses, held, columns.reshape(-1, 2), moves)
 

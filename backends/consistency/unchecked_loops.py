@@ -25,7 +25,7 @@ def unchecked(robots: Robots, merged: MergedGroups, settings: MergeSettings) -> 
         merged: the same, merged.
         settings: of the merge.
     """
-    robots = robots.loosened(merged.odometry_factors).scaled(merged.factors)
+    robots = merged.restated(robots)
     limit = merged.room**2 * outlier_limit(len(robots.loops), settings.probability, robots.degrees)
     settled, view_m = merged.settled, settings.view_steps * robots.step_m
     accepted = np.flatnonzero(robots.own & merged.inlier)
