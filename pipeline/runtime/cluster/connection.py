@@ -20,8 +20,13 @@ if TYPE_CHECKING:
 
 _START_S = 60.0
 _ANSWER_S = 10.0
-# With dask's own setting malloc asks the system anew for each larger array: a quarter of odometry's time.
-_ENVIRONMENT = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}
+_LEAN = {
+    # With dask's own setting malloc asks the system anew for each larger array: a quarter of odometry's time.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+    # A hundred looks a second at the stack of the task, and fifty at the event loop, for a dashboard that is not there.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +96,7 @@ def _local(address: str) -> Iterator[Client]:
     count = address.removeprefix(LOCAL)
     if not count.isdigit() or int(count) == 0:
         raise ConfigError(f"--cluster {address}: expected local:N with the number of workers, for example local:4")
-    with interrupts_ignored(), dask.config.set(_ENVIRONMENT):
+    with interrupts_ignored(), dask.config.set(_LEAN):
         started = LocalCluster(
             n_workers=int(count),
             threads_per_worker=1,

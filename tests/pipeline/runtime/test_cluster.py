@@ -62,6 +62,11 @@ def test_workers_keep_memory_for_their_next_arrays(dask: Cluster) -> None:
     assert [value for _, value in dask.each(os.getenv, [setting])] == [os.getenv(setting)]
 
 
+def test_nobody_looks_at_what_workers_do_a_hundred_times_a_second(dask: Cluster) -> None:
+    dask_config = pytest.importorskip("dask.config")
+    assert [value for _, value in dask.each(dask_config.get, ["distributed.worker.profile.enabled"])] == [False]
+
+
 @pytest.mark.usefixtures("dask")
 def test_a_second_one_runs_beside_the_first(labour: ModuleType) -> None:
     with cluster("local:1") as second:  # warnings are errors: each has ports of its own
