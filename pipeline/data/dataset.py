@@ -220,9 +220,14 @@ def load_dataset(args: Sequence[str], *, topic: str | None = None, wireless: Ite
     else:
         robots, logs, origin = _named_recordings(args), (), None
     if topic is not None:
-        robots = {robot: replace(r, topic=topic) for robot, r in robots.items()}
+        robots = {robot: replace(r, topic=topic) if _may_be_bag(r.scans) else r for robot, r in robots.items()}
     _warn_of_repeated(robots)
     return Dataset(robots, (*logs, *wireless), origin)
+
+
+def _may_be_bag(scans: Path) -> bool:
+    """Not where clouds lie in a folder beside the bags of other robots."""
+    return not scans.is_dir() or bag_kind(scans) is not None
 
 
 def _warn_of_repeated(robots: Mapping[str, RobotRecording]) -> None:

@@ -48,6 +48,8 @@ def require_free(out: Path, *, overwrite: bool) -> None:
             f"{out} holds {foreign[0]!r}, which wiclosure did not write there, and is not replaced; move that away, or"
             " choose another --out"
         )
+    if file := next((above for above in out.parents if above.is_file()), None):
+        raise OutputError(f"{file} is a file, so nothing can be written below it; choose another --out")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out.parent).close()

@@ -114,7 +114,10 @@ def open_source(
     path = Path(path)
     if limit is not None and limit < 1:
         raise ConfigError(f"the number of scans is {limit}; it must be at least 1")
-    source = LOADERS[guess_loader(path)].open(path, topic, salvage, layout)
+    kind = guess_loader(path)
+    if topic is not None and kind != "rosbag":
+        raise InputError(f"{path} is no bag and has no topic {topic}; take the topic away, or name the bag")
+    source = LOADERS[kind].open(path, topic, salvage, layout)
     return _Excerpt(source, path, limit, round(time_offset * 1e9), unit)
 
 

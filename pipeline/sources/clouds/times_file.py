@@ -19,6 +19,7 @@ from wiclosure.types import IntArray
 logger = logging.getLogger(__name__)
 
 _SAMPLE = 100
+_COLUMNS = re.compile(r"[\s,;]+")
 _NAME = re.compile(r"stamp|time", re.IGNORECASE)
 _NAMES = ("times.txt", "timestamps.txt", "timestamp.txt")
 
@@ -90,7 +91,18 @@ def _rows(lines: Sequence[str]) -> tuple[list[tuple[int, str]], str]:
     if rows and _NAME.search(rows[first][1]) and not any(map(str.isdecimal, rows[first][1])):
         names.append(rows[first][1])
         rows = rows[first + 1 :]
-    return rows, names[-1] if names else ""
+    return _without_numbers(rows), names[-1] if names else ""
+
+
+def _without_numbers(rows: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Texts without the number of the scan, where each has it first (as TUM and EuRoC tools write)."""
+    split = [(number, *(_COLUMNS.split(text, maxsplit=1) if text else ("", ""))) for number, text in rows]
+    counted = [parts[1] for parts in split if parts[1]]
+    if len(counted) > 1 and all(len(parts) == 3 for parts in split) and all(map(str.isdecimal, counted)):
+        steps = {int(after) - int(before) for before, after in pairwise(counted)}
+        if steps == {1}:
+            return [(number, rest) for number, _, rest in split]
+    return list(rows)
 
 
 def _unit(path: Path, names: str, texts: Sequence[str]) -> TimeUnit:

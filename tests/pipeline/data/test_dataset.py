@@ -320,3 +320,10 @@ def test_an_unknown_robot_in_the_wireless_log(folder: Path) -> None:
 def test_a_robot_mapped_alone_leaves_its_radio_to_others_aside(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert not load_dataset([f"alpha={folder}/alpha.bag"]).wireless_log().measurements
     assert "its radio heard beta, of which no recording is given; it is not used" in caplog.text
+
+
+def test_the_topic_of_all_bags_is_none_of_a_folder_of_clouds(folder: Path) -> None:
+    (folder / "clouds").mkdir()
+    (folder / "clouds" / "1.pcd").write_text("")
+    both = load_dataset([f"alpha={folder / 'alpha.bag'}", f"beta={folder / 'clouds'}"], topic="/points")
+    assert [recording.topic for recording in both.robots.values()] == ["/points", None]

@@ -114,7 +114,7 @@ def test_a_link_to_nowhere(tmp_path: Path) -> None:
 
 def test_parent_that_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be written"), whole_folder(tmp_path / "file" / "run"):
+    with pytest.raises(OutputError, match="file is a file, so nothing"), whole_folder(tmp_path / "file" / "run"):
         pass
 
 

@@ -14,6 +14,7 @@ from wiclosure.errors import ConfigError, InputError
 from wiclosure.formats.radio.radio_units import LengthUnit
 from wiclosure.interfaces import ScanSource
 from wiclosure.pipeline.data.dataset_writer import write_kitti_folder
+from wiclosure.pipeline.sources.bag_files import bag_kind
 from wiclosure.pipeline.sources.open import open_source
 from wiclosure.types import Scan
 
@@ -111,6 +112,12 @@ def test_limit_and_time_offset(recording: Path, scans: list[Scan]) -> None:
 def test_bad_limit(bags: dict[str, Path]) -> None:
     with pytest.raises(ConfigError, match="0"):
         open_source(bags["ros1"], limit=0)
+
+
+def test_a_topic_of_what_is_no_bag_is_refused(recording: Path) -> None:
+    if bag_kind(recording) is None:
+        with pytest.raises(InputError, match="is no bag and has no topic /points"):
+            open_source(recording, topic="/points")
 
 
 @pytest.mark.parametrize(

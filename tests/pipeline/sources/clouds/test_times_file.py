@@ -24,6 +24,16 @@ def test_a_line_that_is_no_time_is_named(tmp_path: Path, line: str) -> None:
         read_times(tmp_path / "times.txt")
 
 
+@pytest.mark.parametrize("between", [" ", ",", "; ", "\t"])
+def test_numbers_of_the_scans_before_the_times(tmp_path: Path, between: str) -> None:
+    path = tmp_path / "times.txt"
+    path.write_text("".join(f"{number:06d}{between}{10 + 0.1 * number:.1f}\n" for number in range(7, 12)) + "\n")
+    assert read_lines(path) == [10_000_000_000 + number * 100_000_000 for number in range(7, 12)]
+    path.write_text("7 10.0\n9 10.2\n")  # no scan's number
+    with pytest.raises(InputError, match=r"line 1: '7 10\.0' is no time"):
+        read_lines(path)
+
+
 def test_files_that_are_missing_or_no_text(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot read .*a KITTI folder needs it"):
         read_times(tmp_path / "times.txt")
