@@ -2,7 +2,8 @@
 
 Behind a jump, closures are rejected that agree with each other, or bend the estimate.  The robot is cut there into two,
 and all is merged again.  The jump is believed where that lowers the cost by more than one look-alike place would, both
-parts join one group at more places than one has, and no other robot's jump explains as much.  Else it is left open.
+parts join one group at more places than one has, no rejected closures confirm odometry's step, and no other robot's
+jump explains as much.  Else it is left open.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from wiclosure import se3
 from wiclosure.backends.consistency.explanation import Explanation
 from wiclosure.backends.consistency.jump_places import most_strained, place_to_cut
 from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.consistency.step_witnesses import step_confirmed
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
@@ -81,7 +83,10 @@ def _proposals(robots: Robots, found: Explanation, settings: MergeSettings) -> l
         gained = cut.gained(found, settings)
         if gained:
             new = [node for node in cut.nodes if node not in found.nodes]
-            told = all(_joined(robots, cut, node, found, settings) for node in new)
+            told = all(
+                _joined(robots, cut, node, found, settings) and not step_confirmed(robots, cut, node, settings)
+                for node in new
+            )
             proposals.append(_Proposal(gained, cut, told))
     return sorted(proposals, key=lambda proposal: proposal.gained, reverse=True)
 

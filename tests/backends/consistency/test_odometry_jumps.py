@@ -92,3 +92,27 @@ def test_closures_with_one_robot_alone_are_no_proof_of_a_jump(team_maker, seed):
     assert {jump.robot for jump in found.open_jumps} == {"beta"}
     assert "the map may be wrong" in found.doubts[-1]
     assert "false closures or a jump elsewhere would explain as much" in found.doubts[-1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_true_closures_among_those_that_a_jump_would_explain_leave_it_open(team_maker, seed):
+    """A long place of beta looks like another to both others, and more closures say so than are true there."""
+    team, rng = team_maker(seed, ROBOTS, noise=1.0), np.random.default_rng(seed)
+    closures = closures_of(team, rng, reach=30)
+    true = [
+        team.closure((r, int(n)), ("beta", int(n)), noise=rng) for r in ("alpha", "gamma") for n in range(36, 60, 6)
+    ]
+    T_wrong = se3.from_yaw(0.3, np.array([12.0, 0.0, 0.0]))
+    alike = [
+        team.remeasured(c, T_query_match=se3.between(at, T_wrong @ beta))
+        for r in ("alpha", "gamma")
+        for n in range(32, 60, 2)
+        for c, at, beta in [
+            (team.closure((r, n), ("beta", n), noise=rng), team.truth[r].poses[n], team.truth["beta"].poses[n])
+        ]
+    ]
+    found = pairwise_consistent([*closures, *true, *alike], team.odometry, PcmSettings(noise=NOISE))
+    assert found.jumps == ()
+    assert not any(c.live for c in found.closures[-len(alike) :])
+    assert all(c.live for c in found.closures[len(closures) : -len(alike)])
+    assert {jump.robot for jump in found.open_jumps} == {"beta"}
