@@ -13,6 +13,7 @@ from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess, su
 from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, paths_kept, rigid_transform
 from wiclosure.wiclosure_filter.alignment.indistinguishable import Blunders
+from wiclosure.wiclosure_filter.alignment.roles import as_named, with_reference_first
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.config import AlignmentSettings, AmbiguitySettings
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks, consensus
@@ -43,9 +44,11 @@ def align_together(
     pairs: Iterable[tuple[Links, Mapping[str, Trajectory]]], settings: AlignmentSettings
 ) -> list[FrameAlignment]:
     """Alignments of many pairs of robots, of which drift is followed together: that is most of the work."""
-    started = [_started(links, trajectories, settings) for links, trajectories in pairs]
+    given = [*pairs]
+    started = [_started(with_reference_first(links), trajectories, settings) for links, trajectories in given]
     frames = iter(follow_drifts([rigid for one in started if isinstance(one, _Peaks) for rigid in one.to_follow]))
-    return [one.alignment(frames) if isinstance(one, _Peaks) else one for one in started]
+    found = (one.alignment(frames) if isinstance(one, _Peaks) else one for one in started)
+    return [as_named(one, links) for one, (links, _) in zip(found, given, strict=True)]
 
 
 def _started(

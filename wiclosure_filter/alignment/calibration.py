@@ -23,6 +23,7 @@ from wiclosure.wiclosure_filter.likelihood.observations import Observations
 
 BIAS, RANGE_SCALE, CLOCK, AZIMUTH_A, AZIMUTH_B, SCALE_A, SCALE_B = range(7)
 COUNT = 7
+_EXCHANGED = (BIAS, RANGE_SCALE, CLOCK, AZIMUTH_B, AZIMUTH_A, SCALE_B, SCALE_A)  # where a and b change places
 CONSTANT_BLUNDER = 0.02  # share of logs in which a bias, a clock, a mounting angle or an odometry's scale is a blunder
 
 
@@ -137,20 +138,43 @@ class EstimatedErrors:
 
     def calibrations(self, robot_a: str, robot_b: str) -> tuple[Calibration, ...]:
         """As they are reported; those that the measurements tell nothing of are left out."""
-        names = (
-            ("range bias", "m"),
-            ("range scale error", ""),
-            (f"clock of {robot_b} ahead of that of {robot_a}", "s"),
-            (f"azimuth offset of {robot_a}", "rad"),
-            (f"azimuth offset of {robot_b}", "rad"),
-            (f"scale error of the odometry of {robot_a}", ""),
-            (f"scale error of the odometry of {robot_b}", ""),
-        )
-        sigma = np.sqrt(np.diag(self.covariance))
+        names, sigma = _names(robot_a, robot_b), np.sqrt(np.diag(self.covariance))
         return tuple(
             Calibration(name, unit, *map(float, numbers))
             for (name, unit), *numbers in zip(names, self.value, sigma, self.prior.usual, self.held_sigma, strict=True)
         )
+
+
+def _names(robot_a: str, robot_b: str) -> tuple[tuple[str, str], ...]:
+    """What the seven errors are, each with its unit."""
+    return (
+        ("range bias", "m"),
+        ("range scale error", ""),
+        (f"clock of {robot_b} ahead of that of {robot_a}", "s"),
+        (f"azimuth offset of {robot_a}", "rad"),
+        (f"azimuth offset of {robot_b}", "rad"),
+        (f"scale error of the odometry of {robot_a}", ""),
+        (f"scale error of the odometry of {robot_b}", ""),
+    )
+
+
+def exchanged(
+    calibration: Sequence[Calibration], covariance: FloatArray, robot_a: str, robot_b: str
+) -> tuple[tuple[Calibration, ...], FloatArray]:
+    """The seven errors and their covariance `(7, 7)` with a and b in each other's place.
+
+    Args:
+        calibration: with a as the second robot.
+        covariance: of these.
+        robot_a: the first robot, as it is to be.
+        robot_b: the second one.
+    """
+    order, sign = list(_EXCHANGED), np.where(np.arange(COUNT) == CLOCK, -1.0, 1.0)
+    restated = tuple(
+        replace(calibration[number], name=name, value=float(direction) * calibration[number].value)
+        for number, (name, _), direction in zip(order, _names(robot_a, robot_b), sign, strict=True)
+    )
+    return restated, np.outer(sign, sign) * covariance[np.ix_(order, order)]
 
 
 def motion(trajectory: Trajectory, index: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -80,6 +80,24 @@ class Links:
         whole = {"robot_a", "robot_b", "left_out"}
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in whole})
 
+    def exchanged(self) -> Links:
+        """The same with a and b in each other's place."""
+        return replace(
+            self,
+            robot_a=self.robot_b,
+            robot_b=self.robot_a,
+            a_receives=~self.a_receives,
+            stamp_a_ns=self.stamp_b_ns,
+            stamp_b_ns=self.stamp_a_ns,
+            index_a=self.index_b,
+            index_b=self.index_a,
+            antenna_a=self.antenna_b,
+            antenna_b=self.antenna_a,
+            antenna_keyframe_a=self.antenna_keyframe_b,
+            antenna_keyframe_b=self.antenna_keyframe_a,
+            yaw=-self.yaw,
+        )
+
     def in_stretch(self, start_a: int, start_b: int) -> Links:
         """The same of trajectories that begin at later keyframes."""
         return replace(self, index_a=self.index_a - start_a, index_b=self.index_b - start_b)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wiclosure import se3
@@ -144,25 +144,6 @@ def test_the_odometry_frames_do_not_matter(kind: str, seed: int) -> None:
     b = scenes[1].trajectories["b"].positions
     np.testing.assert_allclose(se3.transform(there.best.T_a_b, b), se3.transform(expected, b), atol=0.02)
     assert here.ambiguous == there.ambiguous
-
-
-@settings(deadline=None, max_examples=6)
-@example(kind="one-way", seed=286)
-@given(st.sampled_from(KINDS[:3]), st.integers(0, 10**6))
-def test_swapping_the_robots_inverts_the_transform(kind: str, seed: int) -> None:
-    scene = make_scene(kind, seed=seed)
-    ab = scene.align()
-    ba = align_robots("b", "a", scene.trajectories, scene.wireless, SETTINGS)
-    assert ab.best is not None
-    assert ba.best is not None
-    assert ab.covariance is not None
-    b = scene.trajectories["b"].positions
-    # A constant error that may or may not be a blunder can be taken for either.
-    within_m = max(0.5, 0.5 * float(np.sqrt(np.trace(ab.covariance[3:5, 3:5]))))
-    there_and_back = se3.transform(se3.inverse(ba.best.T_a_b), b)
-    np.testing.assert_allclose(there_and_back, se3.transform(ab.best.T_a_b, b), atol=within_m)
-    if ab.ambiguous != ba.ambiguous:  # at the limit of the odds, or of a constant error
-        assert any(doubt in ab.reason + ba.reason for doubt in ("nearly as likely", "error beyond the usual"))
 
 
 def test_equal_input_gives_equal_output() -> None:
