@@ -136,6 +136,11 @@ class EstimatedErrors:
         """Sum of squares in standard deviations of the prior; a blunder counts as its rarity."""
         return self.prior.squared(self.value)
 
+    @property
+    def seldom(self) -> float:
+        """The same of usual errors that are as seldom."""
+        return self.prior.seldom(self.value)
+
     def calibrations(self, robot_a: str, robot_b: str) -> tuple[Calibration, ...]:
         """As they are reported; those that the measurements tell nothing of are left out."""
         names, sigma = _names(robot_a, robot_b), np.sqrt(np.diag(self.covariance))

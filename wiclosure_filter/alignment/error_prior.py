@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri  # scipy.stats takes seconds to import
 
 from wiclosure.types import FloatArray
 from wiclosure.wiclosure_filter.config import CalibrationPriors
@@ -43,6 +44,16 @@ class ErrorPrior:
         odds = self._odds / BLUNDER_TIMES  # at zero
         density = np.logaddexp(-off / 2, np.log(odds) - off / BLUNDER_TIMES**2 / 2) - np.log1p(odds)
         return max(float(-2 * density.sum()), 0.0)
+
+    def seldom(self, value: FloatArray) -> float:
+        """Sum of squares of errors `(7,)` of a standard normal distribution that are as seldom.
+
+        Of chi-square distribution if errors are as the prior has them, which a density is not: one of a log's seven
+        errors is a blunder more often than a Gaussian of usual errors exceeds three standard deviations.
+        """
+        size = np.abs(value) / self.usual
+        beyond = (1 - self.blunder_share) * ndtr(-size) + self.blunder_share * ndtr(-size / BLUNDER_TIMES)
+        return float(np.sum(ndtri(np.maximum(beyond, 1e-300)) ** 2))
 
     @property
     def _odds(self) -> float:

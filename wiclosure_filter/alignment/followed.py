@@ -84,7 +84,7 @@ class Followed:
 
     def overstrained(self, min_probability: float) -> str:
         """That odometry, with the errors it is granted, would hardly be bent as far: a sentence, or empty."""
-        probability = self.strain_probability(1.0)
+        probability = 1.0 if self.frames is None else self.frames.strain.honest_probability
         if probability >= min_probability:
             return ""
         return (

@@ -75,12 +75,14 @@ class Strain:
 
     Args:
         squared: sum of squares of the steps' errors and of the constant errors, in standard deviations.
+        seldom: the same with constant errors as seldom, see `ErrorPrior.seldom`.
         determined: its expectation.
         slips: `(M - 1,)` natural logarithm of the Bayes factor for a slip at each step.
         stamp_ns: `(M,)` ends of the steps.
     """
 
     squared: float
+    seldom: float
     determined: float
     slips: FloatArray
     stamp_ns: IntArray
@@ -89,7 +91,7 @@ class Strain:
     def of(cls, chain: Chain, errors: EstimatedErrors) -> Strain:
         """Of a chain, and the constant errors that were estimated along with it."""
         force = np.einsum("mij,mj->mi", chain.information, chain.error)
-        squared = chain.squared + errors.squared
+        squared, seldom = (chain.squared + of_errors for of_errors in (errors.squared, errors.seldom))
         open_steps = chain.covariance() @ chain.information
         held = chain.information @ (np.eye(4) - open_steps)
         left_open = np.trace(open_steps, axis1=1, axis2=2).sum()
@@ -99,11 +101,16 @@ class Strain:
         gained = np.einsum("mi,mi->m", force * jump, np.linalg.solve(freed, force[..., None])[..., 0])
         slips = (gained - np.linalg.slogdet(freed)[1]) / 2
         determined = chain.error.size + len(errors.value) - left_open
-        return cls(squared, float(determined), slips, chain.stamp_ns)
+        return cls(squared, seldom, float(determined), slips, chain.stamp_ns)
 
     def probability(self, inflation: float) -> float:
         """That odometry and errors of their usual size are bent as far; `inflation` is what the steps were granted."""
         return float(chdtrc(max(self.determined, 1.0), inflation**2 * self.squared))
+
+    @property
+    def honest_probability(self) -> float:
+        """That an honest log bends as far with what the steps were granted, and blunders as often as their prior."""
+        return float(chdtrc(max(self.determined, 1.0), self.seldom))
 
     @property
     def bent_ns(self) -> tuple[int, int] | None:

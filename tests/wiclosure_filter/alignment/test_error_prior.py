@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
@@ -44,3 +45,15 @@ def test_without_blunders_it_is_a_gaussian() -> None:
     value = 5 * prior.usual
     assert prior.squared(value) == pytest.approx(7 * 25)
     np.testing.assert_allclose(prior.held(value, 0.5 * prior.usual, prior.usual), prior.usual)
+    assert prior.seldom(value) == pytest.approx(7 * 25)
+
+
+def test_errors_as_seldom_are_of_chi_square_distribution() -> None:
+    """By their density, 6 % of such logs lie beyond what one of a hundred should."""
+    rng = np.random.default_rng(4)
+    blunder = rng.random((4000, 7)) < PRIOR.blunder_share
+    drawn = np.where(blunder, 3.0, 0.3) * rng.normal(size=blunder.shape)
+    limit = chi2.isf(0.01, 7)
+    assert np.mean([PRIOR.seldom(value) for value in drawn]) == pytest.approx(7.0, rel=0.05)
+    assert np.mean([PRIOR.seldom(value) > limit for value in drawn]) == pytest.approx(0.01, abs=0.005)
+    assert np.mean([PRIOR.squared(value) > limit for value in drawn]) > 0.03
