@@ -45,7 +45,9 @@ class PairCheck:
         blind: closures that were registered without prediction.
         lost: closures of the first round that are rejected.
         found: the set of closures, and how it contradicts the radio, as a clause.
-        contested: what is said where the radio is right unless a known error is at fault; empty otherwise.
+        contested: what is said where the radio is right unless a known error is at fault, or does not decide between
+            sets of closures; empty otherwise.
+        alone: whether the robots go on without radio, though nothing was weighed.
     """
 
     pair: Pair
@@ -54,6 +56,7 @@ class PairCheck:
     lost: frozenset[tuple[KeyframeId, KeyframeId]] = frozenset()
     found: str = ""
     contested: str = ""
+    alone: bool = False
 
     @property
     def sentence(self) -> str:
@@ -68,7 +71,7 @@ class PairCheck:
     def drops_radio(self) -> bool:
         """Whether these robots go on without radio: also where nothing decides, so that it does no harm."""
         without = {Verdict.CLOSURES, Verdict.COMPATIBLE, Verdict.UNDECIDED}
-        return self.weighed is not None and self.weighed.verdict in without
+        return self.alone or (self.weighed is not None and self.weighed.verdict in without)
 
     @property
     def undecided(self) -> bool:

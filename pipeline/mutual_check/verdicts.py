@@ -10,7 +10,7 @@ from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, agreeing
 from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets
 from wiclosure.pipeline.radio.check.clock import Span, check_overlap, common_span
-from wiclosure.types import Closure, FilterResult, Trajectory, WirelessLog
+from wiclosure.types import Closure, FilterResult, Stage, Trajectory, WirelessLog, survivors
 from wiclosure.wiclosure_filter.faults.diagnosis import between
 
 _CLEARED = (
@@ -69,6 +69,21 @@ def settled(
         return check
 
     return tuple(map(as_settled, checks))
+
+
+def left_apart(rivals: Sequence[RivalSets], closures: Sequence[Closure]) -> list[PairCheck]:
+    """Robots that no accepted closure joins since sets that contradict each other are alike: they go on without radio.
+
+    What the radio refused of the sets may be what makes them alike; without it the map is no worse than without one.
+
+    Args:
+        rivals: sets of closures, and what the radio told of them.
+        closures: as the consistency check left them.
+    """
+    joined = {frozenset((c.query.robot, c.match.robot)) for c in survivors(closures, Stage.CONSISTENCY)}
+    apart = [one for one in rivals if not one.decides and frozenset(one.pair) not in joined]
+    remedy = "its measurements between these robots are left out"
+    return [PairCheck(one.pair, contested=f"{one.sentence}; {remedy}", alone=True) for one in apart]
 
 
 def in_doubt(told: Sequence[PairCheck] | Sequence[RivalSets], accepted: Sequence[Closure]) -> set[Pair]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -21,6 +21,7 @@ from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
+from wiclosure.wiclosure_filter.search.pairs import all_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +56,16 @@ class Attempts:
     filter_s: list[float] = field(default_factory=list)
     blind_s: list[float] = field(default_factory=list)
 
-    def settled(self, wireless: WirelessLog) -> tuple[Attempt, list[PairCheck]]:
-        """The last attempt, and what was found of pairs of robots on the way."""
-        attempt, checks = self._attempt(wireless), dict[tuple[str, str], PairCheck]()
+    def settled(self, wireless: WirelessLog, known: Sequence[PairCheck] = ()) -> tuple[Attempt, list[PairCheck]]:
+        """The last attempt, and what was found of pairs of robots on the way.
+
+        Args:
+            wireless: the log.
+            known: pairs of robots that go on without radio from the start.
+        """
+        checks = {one.pair: one for one in known}
+        wireless = _without(wireless, checks)
+        attempt = self._attempt(wireless)
         while self.config.mutual_check.enabled:
             heard = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments} - set(checks)
             with self.took.time("check"):
@@ -77,6 +85,36 @@ class Attempts:
             closures = _as_checked(closures, one)
         filtered = replace(attempt.filtered, diagnosis=_without_dropped(attempt.filtered.diagnosis, checks.values()))
         return replace(attempt, filtered=filtered, closures=closures), list(checks.values())
+
+    def unpruned(self, attempt: Attempt, refuted: Collection[tuple[str, str]]) -> Attempt:
+        """With closures of all pairs of keyframes of robots whose log was refuted after it had pruned these.
+
+        Args:
+            attempt: as the log had it; returned as it is where nothing was pruned.
+            refuted: the robots.
+        """
+        pruned = {(p.robot_a, p.robot_b): len(p) for p in attempt.filtered.pairs}
+        sizes = {pair: [len(self.keyframes[robot]) for robot in pair] for pair in refuted}
+        whole = [
+            all_pairs(a, size_a, b, size_b)
+            for (a, b), (size_a, size_b) in sizes.items()
+            if pruned.get((a, b), size_a * size_b) < size_a * size_b
+        ]
+        if not whole:
+            return attempt
+        with self.took.time("matching"):
+            matched = _match(whole, self.fronts, self.config)
+        live = {(c.query, c.match) for c in attempt.closures if c.live}
+        proposed = [c for result in matched for c in result.closures if (c.query, c.match) not in live]
+        with self.took.time("verification"):
+            registered = self._registered(proposed)
+        again = {(c.query, c.match) for c in registered}
+        closures = [c for c in attempt.closures if (c.query, c.match) not in again]
+        return replace(
+            attempt,
+            matched=(*attempt.matched, *matched),
+            closures=(*closures, *(c.accepted(Stage.RADIO_CHECK) if c.live else c for c in registered)),
+        )
 
     def _checked(self, outcome: PairOutcome, wireless: WirelessLog) -> PairCheck:
         return check_pair(outcome, self.keyframes, wireless, self.config, self._registered_blindly)
@@ -127,7 +165,7 @@ def _without_dropped(diagnosis: Sequence[str], checks: Iterable[PairCheck]) -> t
     return tuple(sentence for sentence in diagnosis if not sentence.startswith(dropped))
 
 
-def _without(wireless: WirelessLog, pairs: Sequence[tuple[str, str]]) -> WirelessLog:
+def _without(wireless: WirelessLog, pairs: Collection[tuple[str, str]]) -> WirelessLog:
     """A log without what these pairs of robots measured of each other."""
     dropped = {frozenset(pair) for pair in pairs}
     left = tuple(m for m in wireless.measurements if frozenset((m.receiver, m.transmitter)) not in dropped)

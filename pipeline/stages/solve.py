@@ -18,10 +18,18 @@ from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
-from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck
+from wiclosure.pipeline.mutual_check.pair_check import Pair, PairCheck, ends
 from wiclosure.pipeline.mutual_check.rivals.maps import RivalMap, rival_maps
 from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets, weigh_rivals, without_lost
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
+from wiclosure.pipeline.mutual_check.verdicts import (
+    cleared,
+    corrected,
+    in_doubt,
+    left_apart,
+    out_of_time,
+    sentences,
+    settled,
+)
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
@@ -55,6 +63,8 @@ def solve(
     if corrects and any(contradiction.causes for contradiction in found.by_map.contradicted.values()):
         log, corrections = corrected(wireless, found.by_map.contradicted)
         found = _estimated(attempts, log, earth, took)
+    else:
+        found = _widened(attempts, found, wireless, earth, took)
 
     filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
     checks = settled(found.checks, found.rivals, found.by_map.fitting)
@@ -139,26 +149,68 @@ def _doubts(found: _Estimate, told: Mapping[Pair, str], unsure: Set[Pair], unsur
 def _estimated(
     attempts: Attempts, wireless: WirelessLog, earth: EarthMeasurements | None, took: Stopwatch
 ) -> _Estimate:
-    config = attempts.config
     attempt, checks = attempts.settled(wireless)
+    heard = attempts.config.mutual_check.enabled and bool(attempt.filtered.alignments or checks)
+    consistent, rivals = _agreeing(attempts, attempt, wireless if heard else None, took)
+    if apart := left_apart(rivals, consistent.closures):
+        attempt, checks = attempts.settled(wireless, [*(one for one in checks if one.drops_radio), *apart])
+        consistent, rivals = _agreeing(attempts, attempt, wireless, took)
+    return _merged(attempts, attempt, checks, (consistent, rivals), wireless if heard else None, earth, took)
+
+
+def _widened(
+    attempts: Attempts, found: _Estimate, wireless: WirelessLog, earth: EarthMeasurements | None, took: Stopwatch
+) -> _Estimate:
+    """With the pairs that a log had pruned which the map refutes; as it was where these would tell another map."""
+    attempt = attempts.unpruned(found.attempt, found.by_map.contradicted)
+    if attempt is found.attempt:
+        return found
+    agreeing = _agreeing(attempts, attempt, wireless, took)
+    wider = _merged(attempts, attempt, found.checks, agreeing, wireless, earth, took)
+    refuted = found.by_map.contradicted
+    before, after = (
+        ends([c for c in one.graph.accepted if (c.query.robot, c.match.robot) in refuted]) for one in (found, wider)
+    )
+    return wider if 2 * len(before & after) > len(before) else found
+
+
+def _merged(
+    attempts: Attempts,
+    attempt: Attempt,
+    checks: Sequence[PairCheck],
+    agreeing: tuple[PcmResult, list[RivalSets]],
+    wireless: WirelessLog | None,
+    earth: EarthMeasurements | None,
+    took: Stopwatch,
+) -> _Estimate:
+    """The estimate, and what it tells of the log where there is one."""
+    config, (consistent, rivals) = attempts.config, agreeing
     with took.time("optimisation"):
-        consistent = pairwise_consistent(attempt.closures, attempts.keyframes, config.pcm)
-    with took.time("check"):
-        heard = config.mutual_check.enabled and (attempt.filtered.alignments or checks)
-        rivals = weigh_rivals(consistent, attempts.keyframes, wireless, config) if heard else []
-    with took.time("optimisation"):
-        if decided := [one for one in rivals if one.decides]:
-            left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
-            consistent = pairwise_consistent(left, attempts.keyframes, config.pcm, told)
         settings = config.pose_graph.scaled(consistent.scale)
         odometry = consistent.restated(attempts.keyframes)
         graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
     with took.time("check"):
-        by_map = _held_against_map(attempts.fronts, graph, wireless, config) if heard else AgainstMap()
+        by_map = AgainstMap() if wireless is None else _held_against_map(attempts.fronts, graph, wireless, config)
     with took.time("optimisation"):
-        log = wireless if heard else WirelessLog()
+        log = WirelessLog() if wireless is None else wireless
         other_maps = _other_maps(attempts, attempt, checks, graph, log) if config.mutual_check.enabled else []
     return _Estimate(attempt, checks, rivals, consistent, graph, by_map, other_maps)
+
+
+def _agreeing(
+    attempts: Attempts, attempt: Attempt, wireless: WirelessLog | None, took: Stopwatch
+) -> tuple[PcmResult, list[RivalSets]]:
+    """Closures that agree, and sets that contradict each other, of which the log decides where there is one."""
+    config, keyframes = attempts.config, attempts.keyframes
+    with took.time("optimisation"):
+        consistent = pairwise_consistent(attempt.closures, keyframes, config.pcm)
+    with took.time("check"):
+        rivals = [] if wireless is None else weigh_rivals(consistent, keyframes, wireless, config)
+    with took.time("optimisation"):
+        if decided := [one for one in rivals if one.decides]:
+            left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
+            consistent = pairwise_consistent(left, keyframes, config.pcm, told)
+    return consistent, rivals
 
 
 def _other_maps(

@@ -2,8 +2,9 @@
 
 A chain of frame transforms is stated in the axes of one robot, a different alignment is one that puts the other robot
 elsewhere, and clocks that differ move the other robot along its path.  So an alignment near a limit may be certain with
-one robot as the reference and not with the other.  The reference is the robot that moved less while they heard each
-other: an error of the yaw between them then shows as a shift of the other one's path.
+one robot as the reference and not with the other.  The reference is the robot that received more, since its clock gave
+the measurements their stamps; of two that received as many, the one that moved less, since an error of the yaw between
+them then shows as a shift of the other one's path.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ def with_reference_first(links: Links) -> Links:
     """The links with the reference as robot a; of robots that moved as far, the one that received first."""
     if len(links) == 0:
         return links
-    spread_a, spread_b = _spread_m2(links.antenna_a), _spread_m2(links.antenna_b)
-    stays = bool(links.a_receives[0]) if spread_a == spread_b else spread_a < spread_b
+    by_a, moved_a, moved_b = int(links.a_receives.sum()), _spread_m2(links.antenna_a), _spread_m2(links.antenna_b)
+    by_b = len(links) - by_a
+    stays = (by_a, -moved_a, links.a_receives[0]) > (by_b, -moved_b, not links.a_receives[0])
     return links if stays else links.exchanged()
 
 
