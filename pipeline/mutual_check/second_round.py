@@ -33,12 +33,16 @@ def unpredicted(
     if budget == 0:
         return []
     a, b = (fronts[robot].descriptors for robot in pair)
-    step = int(np.ceil(np.sqrt(max(len(a) * len(b) / _MOST_PAIRS, 1.0))))
-    index_a, index_b = np.meshgrid(np.arange(0, len(a), step), np.arange(0, len(b), step), indexing="ij")
-    everything = CandidatePairs.without_prediction(*pair, index_a.reshape(-1), index_b.reshape(-1))
-    alike = match(everything, a, b, settings.model_copy(update={"budget": budget})).closures
+    alike = match(every_pair(pair, len(a), len(b)), a, b, settings.model_copy(update={"budget": budget})).closures
     known = {(c.query, c.match) for c in alike}
     evenly = np.linspace(0, len(also) - 1, min(len(also), budget)).round().astype(int)
     chosen = [also[n] for n in np.unique(evenly)]
     again = [Closure(c.query, c.match, scan_context=c.scan_context) for c in chosen if (c.query, c.match) not in known]
     return [*alike, *again]
+
+
+def every_pair(pair: tuple[str, str], size_a: int, size_b: int) -> CandidatePairs:
+    """All pairs of so many keyframes of two robots; of long paths those of every so many keyframes."""
+    step = int(np.ceil(np.sqrt(max(size_a * size_b / _MOST_PAIRS, 1.0))))
+    index_a, index_b = np.meshgrid(np.arange(0, size_a, step), np.arange(0, size_b, step), indexing="ij")
+    return CandidatePairs.without_prediction(*pair, index_a.reshape(-1), index_b.reshape(-1))

@@ -15,13 +15,12 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.check import check_pair
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck, PairOutcome
 from wiclosure.pipeline.mutual_check.radio_check import radio_checked
-from wiclosure.pipeline.mutual_check.second_round import unpredicted
+from wiclosure.pipeline.mutual_check.second_round import every_pair, unpredicted
 from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.viewer import Viewer
 from wiclosure.types import CandidatePairs, Closure, FilterResult, Stage, Trajectory, WirelessLog
-from wiclosure.wiclosure_filter.search.pairs import all_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,18 +86,18 @@ class Attempts:
         return replace(attempt, filtered=filtered, closures=closures), list(checks.values())
 
     def unpruned(self, attempt: Attempt, refuted: Collection[tuple[str, str]]) -> Attempt:
-        """With closures of all pairs of keyframes of robots whose log was refuted after it had pruned these.
+        """With closures of all pairs of keyframes of some robots, of which a log that was refuted had pruned some.
 
         Args:
             attempt: as the log had it; returned as it is where nothing was pruned.
             refuted: the robots.
         """
-        pruned = {(p.robot_a, p.robot_b): len(p) for p in attempt.filtered.pairs}
+        kept = {(p.robot_a, p.robot_b): len(p) for p in attempt.filtered.pairs}
         sizes = {pair: [len(self.keyframes[robot]) for robot in pair] for pair in refuted}
         whole = [
-            all_pairs(a, size_a, b, size_b)
-            for (a, b), (size_a, size_b) in sizes.items()
-            if pruned.get((a, b), size_a * size_b) < size_a * size_b
+            every_pair(pair, size_a, size_b)
+            for pair, (size_a, size_b) in sizes.items()
+            if kept.get(pair, size_a * size_b) < size_a * size_b
         ]
         if not whole:
             return attempt

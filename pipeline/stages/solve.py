@@ -171,7 +171,7 @@ def _widened(
     before, after = (
         ends([c for c in one.graph.accepted if (c.query.robot, c.match.robot) in refuted]) for one in (found, wider)
     )
-    return wider if 2 * len(before & after) > len(before) else found
+    return wider if 2 * len(before & after) >= len(before) else found
 
 
 def _merged(

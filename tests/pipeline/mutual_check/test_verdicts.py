@@ -11,13 +11,22 @@ from wiclosure.pipeline.mutual_check.map_check import Contradiction
 from wiclosure.pipeline.mutual_check.odds import Verdict, Weighed
 from wiclosure.pipeline.mutual_check.pair_check import PairCheck
 from wiclosure.pipeline.mutual_check.rivals.sets import RivalSets
-from wiclosure.pipeline.mutual_check.verdicts import cleared, corrected, in_doubt, out_of_time, sentences, settled
+from wiclosure.pipeline.mutual_check.verdicts import (
+    cleared,
+    corrected,
+    in_doubt,
+    left_apart,
+    out_of_time,
+    sentences,
+    settled,
+)
 from wiclosure.types import (
     Closure,
     FilterResult,
     FrameAlignment,
     Heading,
     KeyframeId,
+    Measured,
     Stage,
     Trajectory,
     WirelessLog,
@@ -153,3 +162,27 @@ def test_what_was_undecided_is_settled_by_rival_sets_or_by_a_log_that_fits_the_m
     assert settled([undecided()], [open_still], {("a", "c")})[0].undecided
     decided = check(Verdict.RADIO)
     assert settled([decided], [rivals], {PAIR}) == (decided,)
+
+
+def between(robots: tuple[str, str], *, accepted: bool) -> Closure:
+    ends = KeyframeId(robots[0], 0), KeyframeId(robots[1], 1)
+    closure = Closure(*ends, passed=Stage.REGISTRATION, measured=Measured(np.eye(4), np.eye(6)))
+    return closure.accepted(Stage.CONSISTENCY) if accepted else closure.rejected(Stage.CONSISTENCY, "ambiguous")
+
+
+@pytest.mark.parametrize(
+    ("lost", "joined", "apart"),
+    [(frozenset(), False, True), (frozenset({9}), False, False), (frozenset(), True, False)],
+)
+def test_robots_that_undecided_sets_leave_apart_go_on_without_radio(
+    lost: frozenset[int], joined: bool, apart: bool
+) -> None:
+    sets = RivalSets(PAIR, frozenset(range(5)), lost, 1.9)
+    closures = [between(PAIR, accepted=joined), between(("a", "c"), accepted=True)]
+    found = left_apart([sets], closures)
+    assert [one.pair for one in found] == ([PAIR] if apart else [])
+    for one in found:
+        assert one.drops_radio
+        assert one.sentence == f"{sets.sentence}; its measurements between these robots are left out"
+        assert in_doubt([one], [between(PAIR, accepted=True)]) == {PAIR}
+        assert in_doubt([one], []) == set()
