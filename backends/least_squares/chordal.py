@@ -11,25 +11,26 @@ from wiclosure.backends.least_squares.system import System, whiteners
 from wiclosure.types import FloatArray, IntArray
 
 
-def chordal(system: System, poses: FloatArray) -> FloatArray:
+def chordal(system: System, poses: FloatArray, weights: FloatArray | None = None) -> FloatArray:
     """Node poses `(N, 4, 4)` by chordal relaxation (Carlone et al., ICRA 2015), those held as in `poses`.
 
     Rotations first, `R_second = R_first R_measured` without regard to orthogonality, each edge weighted by its
     information on rotation; then positions, `R_first^T (t_second - t_first) = t_measured`, by that on translation.
+    Edges count by the weights `(M,)` besides.
     """
-    edges, normal, ones = system.edges, system.normal, np.ones(len(system.edges))
+    edges, normal, w = system.edges, system.normal, _full(system) if weights is None else weights
     W = np.sqrt(3.0 / np.trace(edges.covariance[:, :3, :3], axis1=1, axis2=2))[:, None, None] * np.eye(3)
     # Transposed, rows become columns: the same derivatives for all three of them.
     A, B = -W @ np.swapaxes(edges.T[:, :3, :3], 1, 2), W
     of_world = np.swapaxes(poses[:, :3, :3], 1, 2)
-    gradient = system.gradient((A, B), A @ of_world[edges.first] + B @ of_world[edges.second])
-    relaxed = of_world + normal.factorised(A, B, ones, system.held, 0.0).solve(-gradient)
+    gradient = system.gradient((A, B), w[:, None, None] * (A @ of_world[edges.first] + B @ of_world[edges.second]))
+    relaxed = of_world + normal.factorised(A, B, w, system.held, 0.0).solve(-gradient)
     R = _nearest_rotations(np.swapaxes(relaxed, 1, 2))
     t = poses[:, :3, 3]
     B = whiteners(edges.covariance[:, 3:, 3:]) @ np.swapaxes(R[edges.second], 1, 2)
     apart = t[edges.second] - t[edges.first] - (R[edges.first] @ edges.T[:, :3, 3, None])[..., 0]
-    gradient = system.gradient((-B, B), (B @ apart[..., None])[..., 0])
-    return se3.from_rotation_translation(R, t + normal.factorised(-B, B, ones, system.held, 0.0).solve(-gradient))
+    gradient = system.gradient((-B, B), w[:, None] * (B @ apart[..., None])[..., 0])
+    return se3.from_rotation_translation(R, t + normal.factorised(-B, B, w, system.held, 0.0).solve(-gradient))
 
 
 def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
@@ -45,11 +46,19 @@ def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
     return cheaper(system, poses, chordal(system, poses))
 
 
-def cheaper(system: System, poses: FloatArray, others: FloatArray) -> FloatArray:
-    """Of two sets of poses `(N, 4, 4)`, those that cost less, in each connected part of the graph by itself."""
-    parts, part = _parts(system)
-    costs = [np.bincount(part[system.edges.first], system.chi_squares(of), parts) for of in (poses, others)]
-    return np.where((costs[1] < costs[0])[part][:, None, None], others, poses)
+def cheaper(system: System, poses: FloatArray, others: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+    """Of two sets of poses `(N, 4, 4)`, those that cost less, in each connected part of the graph by itself.
+
+    Edges count by the weights `(M,)`.  The poses themselves where the others cost less nowhere.
+    """
+    (parts, part), w = _parts(system), _full(system) if weights is None else weights
+    costs = [np.bincount(part[system.edges.first], w * system.chi_squares(of), parts) for of in (poses, others)]
+    better = costs[1] < costs[0]
+    return np.where(better[part][:, None, None], others, poses) if better.any() else poses
+
+
+def _full(system: System) -> FloatArray:
+    return np.ones(len(system.edges))
 
 
 def _parts(system: System) -> tuple[int, IntArray]:

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost, truncated_weights
+from wiclosure.backends.least_squares.chordal import cheaper, chordal
 from wiclosure.backends.least_squares.edges import Edges
-from wiclosure.backends.least_squares.system import System
+from wiclosure.backends.least_squares.system import CONVERGED, FEW_STEPS, STEPS, System
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
-MU_GROWTH = 1.4  # of mu
+MU_GROWTH = 1.4  # of mu, as in the paper
+MU_GROWTH_SETTLED = 4.0  # where the last step hardly moved the estimate
+SETTLED = 0.25  # of the residual at the limit: what is hardly
 MOST_GNC_STEPS = 150
-NEWTON_STEPS = 5  # of Gauss-Newton while mu stays
+ROUGHLY = 1e-3  # relative decrease of the cost that ends a step: other weights change it by more
+MOST_IDLE = 0.2  # of a system's edges, of no weight: with more, a smaller one is ordered anew
 
 
 def graduated(
@@ -26,19 +30,55 @@ def graduated(
     from the last start, and it is the answer where it costs less than what came of them.
     """
     system, count = System.of(odometry + loops, starts[0], held), len(odometry)
+    ones = np.ones(len(system.edges))
     for start in starts:
-        plain = poses = system.solved(start)
+        whole = system.starting(start)
+        few = descent = whole.descent(start, ones, FEW_STEPS)
+        if not few.converged:
+            descent = whole.descent(few.poses, ones)
+        plain = poses = descent.poses
         chi_square = system.chi_squares(poses)[count:]
         if (chi_square <= limit).all():
             return np.ones(len(loops), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
+    weighted = _Weighted(system, bent=not few.converged)
     for _ in range(MOST_GNC_STEPS):
         weights = truncated_weights(chi_square, limit, mu)
         if not weights[chi_square > limit].any():  # none is undecided: mu only brings the others to full weight
             break
-        poses = system.solved(poses, np.concatenate([np.ones(count), weights]), steps=NEWTON_STEPS)
-        chi_square = system.chi_squares(poses)[count:]
-        mu *= MU_GROWTH
-    poses = system.solved(poses, np.concatenate([np.ones(count), chi_square <= limit]))
+        poses = weighted.solved(poses, np.concatenate([ones[:count], weights]), FEW_STEPS, ROUGHLY)
+        before, chi_square = chi_square, system.chi_squares(poses)[count:]
+        mu *= MU_GROWTH_SETTLED if _moved(before, chi_square, limit) < SETTLED else MU_GROWTH
+    poses = weighted.solved(poses, np.concatenate([ones[:count], chi_square <= limit]))
     best = min((poses, plain), key=lambda found: truncated_cost(system.chi_squares(found), count, limit))
     return system.chi_squares(best)[count:] <= limit, best
+
+
+class _Weighted:
+    """A system under weights that change.
+
+    Where outliers have bent the poses, the way back is long or leads elsewhere: there chordal initialisation is tried,
+    as long as it costs less.
+    """
+
+    def __init__(self, system: System, bent: bool) -> None:
+        self.system, self.part, self.held, self.bent = system, system, np.ones(len(system.edges), bool), bent
+
+    def solved(
+        self, poses: FloatArray, weights: FloatArray, steps: int = STEPS, converged: float = CONVERGED
+    ) -> FloatArray:
+        """Poses `(N, 4, 4)` after `System.descent`, under the weights `(M,)`."""
+        used = weights > 0
+        if (used & ~self.held).any() or used.sum() < (1.0 - MOST_IDLE) * self.held.sum():
+            self.part, self.held = self.system.subset(used), used
+        w = weights[self.held]
+        if self.bent:
+            before, poses = poses, cheaper(self.part, poses, chordal(self.part, poses, w), w)
+            self.bent = poses is not before
+        return self.part.starting(poses).descent(poses, w, steps, converged).poses
+
+
+def _moved(before: FloatArray, after: FloatArray, limit: float) -> float:
+    """Largest change of a residual among the better half of the loops, as a share of the residual at the limit."""
+    better = before <= np.median(before)
+    return float(np.abs(np.sqrt(after) - np.sqrt(before))[better].max() / np.sqrt(limit))

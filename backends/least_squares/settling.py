@@ -16,13 +16,12 @@ from wiclosure import se3
 from wiclosure.backends.least_squares.chordal import cheaper_start
 from wiclosure.backends.least_squares.edges import DEGREES, Edges, degrees_of_true_ones
 from wiclosure.backends.least_squares.sampled_estimate import SAMPLES, SampledEstimate, starting
-from wiclosure.backends.least_squares.system import STEPS, Descent, System
+from wiclosure.backends.least_squares.system import FEW_STEPS, STEPS, Descent, System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 CHECKED = 0.05  # share of an edge's variance that its residual shows: with less, it tells nothing of sigma
 CHECK_ROUNDS = 12
-FEW_STEPS = 5  # of Levenberg-Marquardt, in which an estimate without gross outliers converges
 NEAREST = 5  # outliers at least, up to the distance of which they are counted
 WORST = 0.25  # of the largest distance: closures above are dropped first, as the others may be off because of these;
 # of those that came back, the worst alone

@@ -6,8 +6,7 @@ Everything here is vectorised over the edges; the sparse normal equations are so
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +18,7 @@ from wiclosure.backends.least_squares.normal_matrix import Factorised, NormalMat
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 STEPS = 150  # of Levenberg-Marquardt, those taken back included
+FEW_STEPS = 5  # in which it converges without gross outliers
 CONVERGED = 1e-5  # relative decrease of the cost below which it has converged
 LEAST_DAMPED = 1e-6
 MOST_DAMPED = 1e8
@@ -56,6 +56,7 @@ class System:
         free: components `(K,)` of the tangent vectors that the nodes move in: all six, or three in the plane.
         compared: components `(D,)` of the errors: the same, or all six where some edges leave the plane.
         W: `(M, D, D)` whiteners of these.
+        ordered: the pattern of the normal matrix, once it was asked for: the same whatever nodes move in.
     """
 
     edges: Edges
@@ -65,6 +66,7 @@ class System:
     free: IntArray
     compared: IntArray
     W: FloatArray
+    ordered: list[NormalMatrix] = field(default_factory=list)
 
     @classmethod
     def of(cls, edges: Edges, poses: FloatArray, held: IntArray) -> System:
@@ -77,7 +79,7 @@ class System:
         """Of the edges at `rows`."""
         if rows.all():
             return self
-        return replace(self, edges=self.edges.subset(rows), flat=self.flat[rows], W=self.W[rows])
+        return replace(self, edges=self.edges.subset(rows), flat=self.flat[rows], W=self.W[rows], ordered=[])
 
     def starting(self, poses: FloatArray) -> System:
         """With three unknowns a node where all edges and the poses `(N, 4, 4)` to start from stay in the plane."""
@@ -93,10 +95,12 @@ class System:
         """With the unknowns of another one's nodes, which edges that leave the plane do not move."""
         return replace(self, free=other.free)
 
-    @cached_property
+    @property
     def normal(self) -> NormalMatrix:
         """Where the normal matrix is not zero, and in what order it is eliminated."""
-        return NormalMatrix.of(self.edges.first, self.edges.second, self.size)
+        if not self.ordered:
+            self.ordered.append(NormalMatrix.of(self.edges.first, self.edges.second, self.size))
+        return self.ordered[0]
 
     def residuals(self, poses: FloatArray) -> FloatArray:
         """Whitened errors `(M, D)`."""
@@ -168,8 +172,11 @@ class System:
         tangents[:, self.free] = moved
         return tangents
 
-    def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS) -> Descent:
-        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`; `steps` factorisations at most."""
+    def descent(self, poses: FloatArray, w: FloatArray, steps: int = STEPS, converged: float = CONVERGED) -> Descent:
+        """Levenberg-Marquardt from the poses, with the edges weighted by `w (M,)`.
+
+        Until the cost decreases by a share of less than `converged`, with `steps` factorisations at most.
+        """
         damping, at = 0.0, Linearised(self, poses, w)
         for _ in range(steps):
             factorised = self.normal.factorised(*at.jacobians, w, self.held, damping)
@@ -185,9 +192,9 @@ class System:
             if decrease >= AS_PREDICTED * (at.cost - at.predicted_cost(step)):
                 damping = damping / 10.0 if damping > LEAST_DAMPED else 0.0
             if last:
-                moved, decrease = moved.further(decrease, factorised, CONVERGED)
+                moved, decrease = moved.further(decrease, factorised, converged)
             at = moved
-            if decrease <= CONVERGED * (at.cost + 1e-9):
+            if decrease <= converged * (at.cost + 1e-9):
                 return Descent(at.poses, True, last)
         return Descent(at.poses, False)
 
