@@ -24,38 +24,50 @@ from wiclosure.backends.factor_graph.factors import (
     with_factors,
 )
 from wiclosure.backends.factor_graph.radio_factors import radio_factors
-from wiclosure.backends.least_squares.edges import degrees_of_freedom
+from wiclosure.backends.least_squares.edges import degrees_of_freedom, mahalanobis_squared
 from wiclosure.backends.least_squares.graduated import graduated
 from wiclosure.backends.least_squares.settling import settle
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
-from wiclosure.types import BoolArray, FloatArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
+
+FEW_MORE = 1.5  # times the keyframes that measurements hold
 
 
 def decide(
     measured: Measurements, rigid: Mapping[str, FloatArray], settings: PoseGraphSettings
-) -> tuple[list[BoolArray], dict[str, FloatArray]]:
+) -> tuple[list[BoolArray], dict[str, FloatArray], float | None]:
     """Inliers (one mask a set) and poses of all keyframes, from a graph of the keyframes that measurements hold.
 
-    The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; it
-    saves most of the time.
+    The drift model gives the odometry between any two keyframes at once, so leaving out the others loses nothing; where
+    they are many, it saves most of the time.  Where all are inliers, the least cost too: the sum of squared residuals.
     """
     if measured.radio or settings.robust == "cauchy":
-        return _decide_with_factors(measured, rigid, settings)
+        return *_decide_with_factors(measured, rigid, settings), None
     trajectories, rows, groups = measured.trajectories, measured.closures, measured.groups
-    team = TeamArrays.of(trajectories, _numbered(measured.sets), np.zeros(rows, bool))
+    team = TeamArrays.of(trajectories, _numbered(measured.sets), np.zeros(rows, bool), _nodes(measured))
     limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
     starts = better_starts(team, groups, rigid, limit)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
     known, loops = team.robots.odometry, team.robots.loops
-    mask, poses = graduated(known, loops, starts, held, limit)
-    if not mask.all():  # with outliers about, those kept may hide behind odometry that they bend
+    (mask, poses), least = graduated(known, loops, starts, held, limit), None
+    if mask.all():
+        edges = known + loops
+        least = float(mahalanobis_squared(edges.errors(poses), edges.covariance).sum())
+    else:  # with outliers about, those kept may hide behind odometry that they bend
         settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
         mask, poses = settled.inlier, settled.poses
     solved, moved = team.poses_of(poses), {}
     for robot, trajectory in trajectories.items():
         keyframes = trajectory.subset(team.nodes[robot])
         moved[robot] = propagate_to_scans(trajectory, keyframes, replace(keyframes, poses=solved[robot])).poses
-    return _by_set(mask, measured.sets), moved
+    return _by_set(mask, measured.sets), moved, least
+
+
+def _nodes(measured: Measurements) -> dict[str, IntArray]:
+    """Keyframes that measurements hold, by robot; all of them where the others are few."""
+    held = keyframes_in_factors(measured.trajectories, measured.sets)
+    keyframes = {robot: np.arange(len(trajectory)) for robot, trajectory in measured.trajectories.items()}
+    return keyframes if sum(map(len, keyframes.values())) <= FEW_MORE * sum(map(len, held.values())) else held
 
 
 def _by_set(mask: BoolArray, sets: Sequence[ClosureSet]) -> list[BoolArray]:

@@ -33,6 +33,8 @@ from wiclosure.display import listed
 from wiclosure.errors import InputError
 from wiclosure.types import BoolArray, Closure, EarthMeasurements, FloatArray, RadioLinks, Residual, Stage, Trajectory
 
+AT_LEAST = 1e-5  # of the cost, by which GTSAM lowers it at least in a step, else it ends too
+
 logger = logging.getLogger(__name__)
 
 __all__ = ["GraphResult", "optimise"]
@@ -148,13 +150,16 @@ def _joint(
     measured: Measurements, rigid: Mapping[str, FloatArray], settings: PoseGraphSettings, earth: EarthMeasurements
 ) -> _Estimate:
     """First decide on the closures, then solve for all keyframes with the inliers."""
-    masks, poses = decide(measured, rigid, settings)
+    masks, poses, least = decide(measured, rigid, settings)
     kept = measured.among(masks)
     start = _reset_unconnected(measured.trajectories, kept.groups, poses)
     ground, start = Ground.under(kept.groups, start, earth)
     graph = _final_graph(kept, start, ground)
-    values = least_squares(graph, values_of(start), ordering(graph))
-    return _Estimate(masks, _poses(values, measured.trajectories), ground.diagnosis, (graph, values), ground)
+    values = values_of(start)
+    if least is None or 2.0 * graph.error(values) > (1.0 + AT_LEAST) * least:
+        values = least_squares(graph, values, ordering(graph))
+        start = _poses(values, measured.trajectories)
+    return _Estimate(masks, start, ground.diagnosis, (graph, values), ground)
 
 
 def _final_graph(kept: Measurements, poses: Mapping[str, FloatArray], ground: Ground) -> gtsam.NonlinearFactorGraph:

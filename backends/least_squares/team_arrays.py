@@ -33,14 +33,23 @@ class TeamArrays:
     rows: IntArray
 
     @classmethod
-    def of(cls, trajectories: Mapping[str, Trajectory], sets: Sequence[ClosureSet], predicted: BoolArray) -> TeamArrays:
-        """Of the closures in `sets`; `predicted` by row of the list that they came from."""
-        names = canonical_order(trajectories)
-        nodes = keyframes_in_factors(trajectories, sets)
+    def of(
+        cls,
+        trajectories: Mapping[str, Trajectory],
+        sets: Sequence[ClosureSet],
+        predicted: BoolArray,
+        nodes: Mapping[str, IntArray] | None = None,
+    ) -> TeamArrays:
+        """Of the closures in `sets`; `predicted` by row of the list that they came from.
+
+        The nodes may be more keyframes than closures hold.
+        """
+        names, held = canonical_order(trajectories), keyframes_in_factors(trajectories, sets)
+        nodes = held if nodes is None else nodes
         offset = dict(zip(names, np.cumsum([0, *(len(nodes[name]) for name in names)]), strict=False))
-        steps = [_steps(trajectories[name], nodes[name], int(offset[name])) for name in names]
+        steps = [_steps(trajectories[name], nodes[name], held[name], int(offset[name])) for name in names]
         odometry = Edges.stacked(steps)
-        of_steps = [_parts(trajectories[name], nodes[name]) for name in names]
+        of_steps = [_parts(trajectories[name], nodes[name], held[name]) for name in names]
         none = np.zeros((3, 0, 6, 6))
         of_loops = [none, *(closure_set.covariance_parts() for closure_set in sets)]
         parts = np.concatenate([none, *of_steps], axis=1), np.concatenate(of_loops, axis=1)
@@ -84,14 +93,14 @@ def covariance_parts_between(trajectory: Trajectory, first: IntArray, second: In
     return np.stack([of_part.relative_covariance(first, second) for of_part in of_each])
 
 
-def _parts(trajectory: Trajectory, nodes: IntArray) -> FloatArray:
+def _parts(trajectory: Trajectory, nodes: IntArray, held: IntArray) -> FloatArray:
     """`(3, K - 1, 6, 6)` of the covariances of the steps between nodes."""
     if trajectory.step_covariances is None:
-        return covariance_parts(odometry_covariances(trajectory, nodes, nodes))
+        return covariance_parts(odometry_covariances(trajectory, nodes, held))
     return covariance_parts_between(trajectory, *trajectory.steps(nodes))
 
 
-def _steps(trajectory: Trajectory, nodes: IntArray, offset: int) -> Edges:
+def _steps(trajectory: Trajectory, nodes: IntArray, held: IntArray, offset: int) -> Edges:
     first, second = trajectory.steps(nodes)
-    T, covariance = trajectory.relative_pose(first, second), odometry_covariances(trajectory, nodes, nodes)
+    T, covariance = trajectory.relative_pose(first, second), odometry_covariances(trajectory, nodes, held)
     return Edges(offset + np.searchsorted(nodes, first), offset + np.searchsorted(nodes, second), T, covariance)

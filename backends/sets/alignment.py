@@ -15,6 +15,8 @@ from wiclosure.types import FloatArray, IntArray
 ANCHORS = 250  # closures that all others are compared with
 MOST_SETS = 32  # looked at: where clusters of false closures are many, the right set is seldom among the largest
 FEW = 4  # closures, of which each may be a set of its own: third robots may tell
+FEW_PAIRS = 200  # recombined, that tell of a set which is far larger than chance makes; of as many closures at least
+SURELY = 5.0  # standard deviations of their count, which the chance is surely not above
 
 
 @dataclass(eq=False)
@@ -44,6 +46,11 @@ class ClosureComparison:
     def recombined(self) -> FloatArray:
         """Sorted squared distances of recombined closures, by which the chance is told that sets are asked for."""
         return self.claims.chance_distances()
+
+    @cached_property
+    def few_recombined(self) -> FloatArray:
+        """The same of `FEW_PAIRS`."""
+        return self.claims.chance_distances(FEW_PAIRS)
 
     def distances(self, members: IntArray) -> FloatArray:
         """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""
@@ -128,6 +135,15 @@ class ConsistentSet:
         claims = self.comparison.claims
         p = chance_to_agree(self.comparison.recombined, self.limit, self.total, claims.degrees)
         return log_expected(len(self), self.total, p)
+
+    def by_chance(self, expected: float) -> bool:
+        """Whether more than so many sets as large are expected around one of the closures, were all unrelated."""
+        if len(self) > FEW and self.total >= FEW_PAIRS:
+            found = int((self.comparison.few_recombined <= self.limit).sum())
+            most = (found + SURELY * (1.0 + np.sqrt(found))) / FEW_PAIRS
+            if log_expected(len(self), self.total, min(1.0, most)) <= np.log(expected):
+                return False
+        return self.log_chance > float(np.log(expected))
 
 
 def log_expected(size: int, total: int, p: float) -> float:

@@ -200,7 +200,7 @@ class Claims:
             & (angles**2 <= limit * (turn[rows, None] + turn[others]))
         )
 
-    def chance_distances(self) -> FloatArray:
+    def chance_distances(self, most: int = NULL_PAIRS) -> FloatArray:
         """Sorted squared distances `(M,)` between closures recombined of those given: what unrelated ones would have.
 
         Ends and measurements are drawn anew and independently, so that places, lengths and directions are those of the
@@ -208,7 +208,7 @@ class Claims:
         """
         n = len(self)
         rng = np.random.default_rng(n)  # the same for the same closures
-        wanted = min(NULL_PAIRS, 4 * n**2)  # of few closures there are no more to recombine
+        wanted = min(most, 4 * n**2)  # of few closures there are no more to recombine
         first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
         unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
         chosen = np.flatnonzero(unrelated)[:wanted]

@@ -148,7 +148,7 @@ def _objection(robots: Robots, candidate: CandidateSet, min_size: int, view_m: f
         return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
     if size < min_size:
         return f"no more than {size} of the {total} closures agree, {min_size} must"
-    if candidate.closure_set.log_chance > np.log(EXPECTED_BY_CHANCE):
+    if candidate.closure_set.by_chance(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
     span, needed = _span(candidate), LEAST_OF_THREE if size <= 3 else LEAST_COVERAGE
     if candidate.coverage >= needed or _views(candidate, span, view_m) >= 1 or robots.predicted[candidate.rows].any():
