@@ -6,15 +6,16 @@ from scipy.stats import chi2
 
 from wiclosure import se3
 from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost
+from wiclosure.backends.least_squares import graduated as graduated_module
 from wiclosure.backends.least_squares.edges import Edges
-from wiclosure.backends.least_squares.graduated import MU_GROWTH, NEWTON_STEPS, graduated
+from wiclosure.backends.least_squares.graduated import graduated
 from wiclosure.backends.least_squares.settling import (
     Settled,
     fewest_errors,
     outlier_limit,
     settle,
 )
-from wiclosure.backends.least_squares.system import STEPS, System
+from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.least_squares.variance_components import VarianceComponents
 
 SIGMA = np.repeat([0.01, 0.05], 3)
@@ -131,19 +132,18 @@ def test_gnc_finds_the_inliers_from_odometry_alone():
 def test_gnc_takes_no_more_steps_than_mu_needs_to_leave_none_undecided(monkeypatch, seed):
     """From where the worst residual is as likely an inlier as not, to mu = 1: from twice the limit on, no weight."""
     odometry, loops, poses, _ = path(seed)
-    bad, solutions, solved = spoiled(loops, [0, 3, 4, 8, 11]), [], System.solved
+    bad, steps, weights = spoiled(loops, [0, 3, 4, 8, 11]), [], graduated_module.truncated_weights
 
-    def counted(self, start, weights=None, steps=STEPS):
-        found = solved(self, start, weights, steps)
-        solutions.append((steps, self.chi_squares(found)[len(odometry) :]))
-        return found
+    def counted(chi_square, limit, mu):
+        steps.append((mu, chi_square))
+        return weights(chi_square, limit, mu)
 
-    monkeypatch.setattr(System, "solved", counted)
+    monkeypatch.setattr(graduated_module, "truncated_weights", counted)
     inlier, _ = graduated(odometry, bad, [poses], HELD, LIMIT)
-    plain, last, taken = solutions[0][1], solutions[-1][1], sum(steps == NEWTON_STEPS for steps, _ in solutions)
+    (first_mu, plain), (_, last), taken = steps[0], steps[-1], len(steps) - 1
+    assert first_mu == pytest.approx(LIMIT / (2 * plain.max() - LIMIT))
     assert last[~inlier].min() > 2 * LIMIT
-    first_mu = LIMIT / (2 * plain.max() - LIMIT)
-    assert 2 <= taken <= 1 + np.ceil(-np.log(first_mu) / np.log(MU_GROWTH))
+    assert 2 <= taken <= 1 + np.ceil(-np.log(first_mu) / np.log(graduated_module.MU_GROWTH))
 
 
 def test_gnc_keeps_all_where_the_plain_answer_fits():
