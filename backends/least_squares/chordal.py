@@ -49,12 +49,11 @@ def cheaper_start(system: System, poses: FloatArray) -> FloatArray:
 def cheaper(system: System, poses: FloatArray, others: FloatArray, weights: FloatArray | None = None) -> FloatArray:
     """Of two sets of poses `(N, 4, 4)`, those that cost less, in each connected part of the graph by itself.
 
-    Edges count by the weights `(M,)`.  The poses themselves where the others cost less nowhere.
+    Edges count by the weights `(M,)`.
     """
     (parts, part), w = _parts(system), _full(system) if weights is None else weights
     costs = [np.bincount(part[system.edges.first], w * system.chi_squares(of), parts) for of in (poses, others)]
-    better = costs[1] < costs[0]
-    return np.where(better[part][:, None, None], others, poses) if better.any() else poses
+    return np.where((costs[1] < costs[0])[part][:, None, None], others, poses)
 
 
 def _full(system: System) -> FloatArray:

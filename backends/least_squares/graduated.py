@@ -14,7 +14,7 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 
 MU_GROWTH = 1.4  # of mu, as in the paper
 MU_GROWTH_SETTLED = 4.0  # where the last step hardly moved the estimate
-SETTLED = 0.25  # of the residual at the limit: what is hardly
+SETTLED = 0.1  # of the residual at the limit: what is hardly
 MOST_GNC_STEPS = 150
 ROUGHLY = 1e-3  # relative decrease of the cost that ends a step: other weights change it by more
 MOST_IDLE = 0.2  # of a system's edges, of no weight: with more, a smaller one is ordered anew
@@ -32,16 +32,12 @@ def graduated(
     system, count = System.of(odometry + loops, starts[0], held), len(odometry)
     ones = np.ones(len(system.edges))
     for start in starts:
-        whole = system.starting(start)
-        few = descent = whole.descent(start, ones, FEW_STEPS)
-        if not few.converged:
-            descent = whole.descent(few.poses, ones)
-        plain = poses = descent.poses
+        plain = poses = system.solved(start)
         chi_square = system.chi_squares(poses)[count:]
         if (chi_square <= limit).all():
             return np.ones(len(loops), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
-    weighted = _Weighted(system, bent=not few.converged)
+    weighted = _Weighted(system)
     for _ in range(MOST_GNC_STEPS):
         weights = truncated_weights(chi_square, limit, mu)
         if not weights[chi_square > limit].any():  # none is undecided: mu only brings the others to full weight
@@ -57,12 +53,12 @@ def graduated(
 class _Weighted:
     """A system under weights that change.
 
-    Where outliers have bent the poses, the way back is long or leads elsewhere: there chordal initialisation is tried,
-    as long as it costs less.
+    Outliers that lose their weight have bent the poses: the way back from there is long, or leads elsewhere.  Chordal
+    initialisation under the same weights goes before, where it costs less.
     """
 
-    def __init__(self, system: System, bent: bool) -> None:
-        self.system, self.part, self.held, self.bent = system, system, np.ones(len(system.edges), bool), bent
+    def __init__(self, system: System) -> None:
+        self.system, self.part, self.held = system, system, np.ones(len(system.edges), bool)
 
     def solved(
         self, poses: FloatArray, weights: FloatArray, steps: int = STEPS, converged: float = CONVERGED
@@ -72,10 +68,8 @@ class _Weighted:
         if (used & ~self.held).any() or used.sum() < (1.0 - MOST_IDLE) * self.held.sum():
             self.part, self.held = self.system.subset(used), used
         w = weights[self.held]
-        if self.bent:
-            before, poses = poses, cheaper(self.part, poses, chordal(self.part, poses, w), w)
-            self.bent = poses is not before
-        return self.part.starting(poses).descent(poses, w, steps, converged).poses
+        start = cheaper(self.part, poses, chordal(self.part, poses, w), w)
+        return self.part.starting(start).descent(start, w, steps, converged).poses
 
 
 def _moved(before: FloatArray, after: FloatArray, limit: float) -> float:
