@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wiclosure.backends.consistency.merging import MergedGroups, merge_groups
+from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.consistency.vague_odometry import merge_told
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
@@ -32,12 +33,12 @@ class Explanation:
     @classmethod
     def of(cls, robots: Robots, settings: MergeSettings) -> Explanation:
         """With no robot cut."""
-        return cls(robots, merge_groups(robots, settings))
+        return cls(robots, merge_told(robots, settings))
 
     def cut(self, node: int, settings: MergeSettings) -> Explanation:
         """With one cut more."""
         robots = self.robots.cut(node)
-        return Explanation(robots, merge_groups(robots, settings), (*self.nodes, node))
+        return Explanation(robots, merge_told(robots, settings), (*self.nodes, node))
 
     @cached_property
     def restated(self) -> Robots:

@@ -96,8 +96,8 @@ class PcmResult:
         """One sentence for each pair of robots."""
         sentences = tuple(jump.sentence for jump in self.jumps) + tuple(e.sentence for e in self.steady_errors)
         sentences += tuple(
-            f"the odometry of {robot} errs more than it states: its standard deviations are taken {factor:.2g} times"
-            " as large, so its own loops agree"
+            f"the odometry of {robot} errs {'more' if factor > 1 else 'less'} than it states: its standard deviations"
+            f" are taken {factor:.2g} times as large, so its own loops agree"
             for robot, factor in self.odometry_factors.items()
         )
         sentences += tuple(pair.sentence for pair in self.pairs)

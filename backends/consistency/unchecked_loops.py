@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from wiclosure import se3
@@ -25,15 +27,29 @@ def unchecked(robots: Robots, merged: MergedGroups, settings: MergeSettings) -> 
         merged: the same, merged.
         settings: of the merge.
     """
-    robots = merged.restated(robots)
     limit = merged.room**2 * outlier_limit(len(robots.loops), settings.probability, robots.degrees)
-    settled, view_m = merged.settled, settings.view_steps * robots.step_m
-    accepted = np.flatnonzero(robots.own & merged.inlier)
+    return unchecked_by(merged.restated(robots), replace(merged.settled, inlier=merged.inlier), settings, limit)
+
+
+def unchecked_by(
+    robots: Robots, settled: Settled, settings: MergeSettings, limit: float, least: float = NO_CHECK
+) -> dict[int, float]:
+    """The same of an estimate, by robots with standard deviations as it takes them.
+
+    Args:
+        robots: likewise.
+        settled: the estimate.
+        settings: of the merge.
+        limit: squared distance up to which a loop is accepted.
+        least: share, beyond which it is told.
+    """
+    view_m = settings.view_steps * robots.step_m
+    accepted = np.flatnonzero(robots.own & settled.inlier)
     of_loops, found = robots.robot[robots.loops.first[accepted]], {}
     for robot in np.unique(of_loops).tolist():
         nodes = np.flatnonzero(robots.robot == robot)
         share = _share_that_fits(robots, settled, accepted[of_loops == robot], nodes, limit, view_m)
-        if share > NO_CHECK:
+        if share > least:
             found[robot] = share
     return found
 

@@ -39,6 +39,7 @@ class Settled:
         redundant: `(K,)` the same of those odometry edges and inliers that others check: what sigma is estimated from.
         strain: `(N,)` by how much each odometry edge, were it left out, would lower the cost, to first order.
         components: what the residuals say of rotation and translation apart.
+        of_odometry: the same, those of odometry alone.
     """
 
     poses: FloatArray
@@ -48,6 +49,7 @@ class Settled:
     redundant: FloatArray
     strain: FloatArray = field(default_factory=lambda: np.zeros(0))
     components: VarianceComponents = field(default_factory=VarianceComponents.none)
+    of_odometry: VarianceComponents = field(default_factory=VarianceComponents.none)
 
     def scaled(self, scale: float) -> Settled:
         """The same with all standard deviations so many times as large."""
@@ -58,7 +60,8 @@ class Settled:
             distance=self.distance / squared,
             redundant=self.redundant / squared,
             strain=self.strain / squared,
-            components=replace(self.components, squared=self.components.squared / squared),
+            components=self.components.scaled(scale),
+            of_odometry=self.of_odometry.scaled(scale),
         )
 
 
@@ -146,10 +149,12 @@ def settle(
     predicted = kept | ((locked < 2) & (rounds > 1))  # where rounds ended early, some are not admitted yet
     found[rows], mask[rows] = of_loops, predicted & (of_loops <= bound)
     used = np.concatenate([np.ones(count, bool), kept])
-    components = VarianceComponents.of(check.residuals[used], check.expected[used], degrees)
+    components, of_odometry = (
+        VarianceComponents.of(check.residuals[of], check.expected[of], degrees) for of in (used, slice(count))
+    )
     redundant = check.distance[used & (check.expected.mean(axis=1) > CHECKED)]
     moved = se3.adjoint(poses) @ estimate.moved
-    return Settled(poses, moved, mask, found, redundant, check.distance[:count], components)
+    return Settled(poses, moved, mask, found, redundant, check.distance[:count], components, of_odometry)
 
 
 def _changes(

@@ -37,6 +37,14 @@ class VarianceComponents:
         """Of no residuals."""
         return cls(np.zeros(2), np.zeros(2))
 
+    def scaled(self, scale: float) -> VarianceComponents:
+        """The same with all standard deviations so many times as large."""
+        return VarianceComponents(self.squared / scale**2, self.redundancy)
+
+    def without(self, part: VarianceComponents) -> VarianceComponents:
+        """Of the other residuals."""
+        return VarianceComponents(self.squared - part.squared, self.redundancy - part.redundancy)
+
     @classmethod
     def of(cls, residuals: FloatArray, expected: FloatArray, degrees: int) -> VarianceComponents:
         """From whitened residuals `(M, K)` and the variances `(M, K)` expected of them, for 3 or 6 degrees of freedom.
