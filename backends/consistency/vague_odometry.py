@@ -44,28 +44,32 @@ def _told(robots: Robots, settings: MergeSettings, largest: float) -> tuple[floa
     """The factor on the standard deviations of odometry besides those `(2,)` on all; None where loops do not tell."""
     scales = settings.least_scale * 2.0 ** np.arange(np.log2(max(largest / settings.least_scale, 1.0)))
     for scale in scales.tolist():
-        found = _converged(robots, settings, scale)
-        if found is not None:
+        found, vague = _converged(robots, settings, scale)
+        if found is not None or vague:
             return found
     return None
 
 
-def _converged(robots: Robots, settings: MergeSettings, scale: float) -> tuple[float, FloatArray] | None:
-    """From one scale; None where too little is redundant, or chance explains what is accepted."""
-    of_odometry, factors = 1.0, np.full(2, scale)
-    for _ in range(ROUNDS):
+def _converged(robots: Robots, settings: MergeSettings, scale: float) -> tuple[tuple[float, FloatArray] | None, bool]:
+    """From one scale; None where too little is redundant, or chance explains what is accepted.
+
+    And whether loops at any places are accepted from the start: larger scales tell no more.
+    """
+    of_odometry, factors, vague = 1.0, np.full(2, scale), False
+    for step in range(ROUNDS):
         taken = robots.loosened(np.full(robots.count, of_odometry)).scaled(factors)
         own = OwnLoops(taken, settings)
         settled = own.inliers(1.0)
         of_loops = settled.components.without(settled.of_odometry)
         if min(settled.of_odometry.redundancy.min(), of_loops.redundancy.min()) < ENOUGH:
-            return None
+            break
+        vague = vague if step else bool(unchecked_by(taken, settled, settings, own.limit))
         more, times = settled.of_odometry.factors / of_loops.factors, of_loops.factors
         ratio = float(np.sqrt(more.prod()))
         of_odometry, factors = of_odometry * ratio, factors * times
         if max(abs(np.log(ratio)), np.abs(np.log(times)).max()) <= np.log(CONVERGED):
-            return (of_odometry, factors) if _beats_chance(taken, settled, settings, own.limit) else None
-    return None
+            return (of_odometry, factors) if _beats_chance(taken, settled, settings, own.limit) else None, vague
+    return None, vague
 
 
 def _beats_chance(robots: Robots, settled: Settled, settings: MergeSettings, limit: float) -> bool:
