@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wiclosure.backends.closure_sets import ClosureSet
-from wiclosure.backends.consistency.explanation import Explanation, cost_of_rejected
-from wiclosure.backends.consistency.merging import MergedGroups, settled_within
+from wiclosure.backends.consistency.explanation import Explanation
+from wiclosure.backends.consistency.merging import MergedGroups, cost_of_rejected, settled_within
 from wiclosure.backends.consistency.odometry_jumps import JumpDecisions, merge_despite_jumps
 from wiclosure.backends.consistency.scale import allowed
 from wiclosure.backends.consistency.steady_errors import steady_errors

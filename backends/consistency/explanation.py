@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
-from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.consistency.merging import MergedGroups, cost_of_rejected
 from wiclosure.backends.consistency.vague_odometry import merge_told
-from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
-from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.sets.candidate_sets import SATURATED
 from wiclosure.backends.sets.merge_settings import MergeSettings
 
@@ -46,16 +42,8 @@ class Explanation:
         return self.merged.restated(self.robots)
 
     def cost(self, settings: MergeSettings) -> float:
-        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
-        merged, of = self.merged, self.restated
-        odometry, loops = (
-            mahalanobis_squared(edges.errors(merged.settled.poses), edges.covariance)
-            for edges in (of.odometry, of.loops)
-        )
-        scaled = of.degrees * float(np.log(merged.factors).sum())  # the determinant of a covariance, twice its root's
-        loosened = 2.0 * of.degrees * np.log(merged.odometry_factors)[of.robot[of.odometry.first]]
-        of_loops = np.where(merged.inlier, loops + scaled, cost_of_rejected(of, settings))
-        return float((odometry + loosened + scaled).sum() + of_loops.sum())
+        """Of the merge; parts of robots that were cut are taken apart."""
+        return self.merged.cost(self.robots, settings)
 
     def gained(self, before: Explanation, settings: MergeSettings) -> float:
         """By how much it lowers the cost; 0 where it is no more than by taking one look-alike place for true."""
@@ -67,8 +55,3 @@ class Explanation:
     def one_place(self, settings: MergeSettings) -> float:
         """What rejecting as many closures costs as one place may have."""
         return SATURATED * cost_of_rejected(self.robots, settings)
-
-
-def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
-    """Of one closure, as a squared distance."""
-    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)

@@ -15,7 +15,8 @@ from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
 from wiclosure.backends.consistency.odometry_factors import odometry_factors
 from wiclosure.backends.consistency.own_loops import OwnLoops
-from wiclosure.backends.consistency.scale import allowed, scale_of
+from wiclosure.backends.consistency.scale import REFINEMENTS, allowed, scale_of
+from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import CONVERGED, VarianceComponents, separate_factors
@@ -62,6 +63,22 @@ class MergedGroups:
         """The robots with standard deviations as the merge found them."""
         return robots.loosened(self.odometry_factors).scaled(self.factors)
 
+    def cost(self, robots: Robots, settings: MergeSettings) -> float:
+        """Minus twice the logarithm of the likelihood, up to a constant; a rejected closure costs what the limit is."""
+        of = self.restated(robots)
+        odometry, loops = (
+            mahalanobis_squared(edges.errors(self.settled.poses), edges.covariance) for edges in (of.odometry, of.loops)
+        )
+        scaled = of.degrees * float(np.log(self.factors).sum())  # the determinant of a covariance, twice its root's
+        loosened = 2.0 * of.degrees * np.log(self.odometry_factors)[of.robot[of.odometry.first]]
+        of_loops = np.where(self.inlier, loops + scaled, cost_of_rejected(of, settings))
+        return float((odometry + loosened + scaled).sum() + of_loops.sum())
+
+
+def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
+    """Of one closure, as a squared distance."""
+    return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
+
 
 def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
     """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
@@ -82,14 +99,28 @@ def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
 
 
 def _under_one_factor(robots: Robots, settings: MergeSettings) -> MergedGroups:
-    own = OwnLoops(robots, settings)
+    """By the factor that own loops ask for, then by those that what each leaves asks for, as long as they go one way.
+
+    Where most own loops are false, the first may be far too large: some of them are accepted and strain the others, so
+    that residuals are far apart.  What most of these ask for is taken where that costs less.
+    """
+    own, before = OwnLoops(robots, settings), 0.0
     scale = scale_of(robots, settings, own)
     merged = _merged(robots, settings, own, scale)
-    left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
-    better = allowed(scale * (left or 1.0), settings)
-    if 1 / sigma_scale.NO_MATTER <= better / scale <= sigma_scale.NO_MATTER:
-        return merged
-    return _merged(robots, settings, own, better)
+    if sigma_scale.far_apart(merged.settled.redundant, robots.degrees):
+        finer = allowed(scale * sigma_scale.of_most(merged.settled.redundant, robots.degrees), settings)
+        tried = _merged(robots, settings, own, finer)
+        if tried.cost(robots, settings) < merged.cost(robots, settings):
+            scale, merged = finer, tried
+    for _ in range(REFINEMENTS):
+        left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)
+        better = allowed(scale * (left or 1.0), settings)
+        change = float(np.log(better / scale))
+        if abs(change) <= np.log(sigma_scale.NO_MATTER) or change * before < 0:
+            break
+        scale, before = better, change
+        merged = _merged(robots, settings, own, scale)
+    return merged
 
 
 def _separated(robots: Robots, settings: MergeSettings, merged: MergedGroups) -> FloatArray | None:

@@ -33,6 +33,11 @@ def of_residuals(distances: FloatArray, degrees: int = 6) -> float | None:
     return float(np.sqrt(np.max(np.quantile(distances, QUANTILES) / chi2.ppf(QUANTILES, degrees))))
 
 
+def of_most(distances: FloatArray, degrees: int) -> float:
+    """Factor that the median of squared distances `(K,)` asks for: larger ones may be of what does not belong."""
+    return float(np.sqrt(np.median(distances) / chi2.ppf(0.5, degrees)))
+
+
 def far_apart(distances: FloatArray, degrees: int) -> bool:
     """Whether the smallest ask for a much smaller factor than the largest, as where some are of false loops."""
     of_largest = of_residuals(distances, degrees)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import accumulate
+from itertools import accumulate, combinations
 
 import numpy as np
 import pytest
@@ -211,3 +211,20 @@ def test_without_information_no_true_closure_is_lost(team_maker, seed):
     found = pairwise_consistent(closures, odometry, PcmSettings(noise=EXACT, max_scale=10))
     assert live(found).all()
     assert 0.07 < found.scale < 0.13  # closures err by 0.1 m
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_sigmas_that_false_loops_within_robots_ask_for_are_taken_back_by_closures_between(team_maker, seed):
+    names = ("alpha", "beta", "gamma", "delta")
+    team, rng = team_maker(seed, names, n=100, noise=1.0), np.random.default_rng(seed)
+    true = [c for a, b in combinations(names, 2) for c in between(team, a, b, rng.integers(0, 100, (40, 2)), rng)]
+    false = []
+    for robot in names:
+        for i, j in rng.integers(0, 100, (28, 2)):
+            if abs(i - j) > 20:
+                T = se3.from_yaw(rng.uniform(-0.3, 0.3), rng.normal(0, [1.5, 1.5, 0.15]))
+                false.append(team.remeasured(team.closure((robot, int(i)), (robot, int(j))), T_query_match=T))
+    found = pairwise_consistent([*true, *false], team.odometry, PcmSettings(noise=EXACT, max_scale=10))
+    assert live(found)[: len(true)].all()
+    assert not live(found)[len(true) :].any()
+    assert found.scale == 1
