@@ -1,7 +1,7 @@
 """Whole runs whose radio has one systematic error: is the map ever worse for having a radio, and is the radio named?
 
     python benchmarks/mutual.py [--data demo-site,city-0.9] [--faults feet,reversed] [--seed 1] [--beyond]
-        [--random 9] [--correct]
+        [--random 9] [--correct] [--presets small-site,disco-park]
 
 Each data set is read once; its odometry and registrations are shared by all runs.  A fault changes the log only, so
 that `none` is the same for all of them.  A row says: error of the map (team, m), robots connected, accepted closures
@@ -15,14 +15,14 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from mutual_faults import BEYOND, FAULTS, Fault, drawn
 
-from wiclosure.pipeline.config import Config
+from wiclosure.pipeline.config import Config, load_config
 from wiclosure.pipeline.data.inputs import Inputs, RobotInput
 from wiclosure.pipeline.data.open_inputs import open_inputs
 from wiclosure.pipeline.runtime.cache import StageCache, default_cache_folder
@@ -31,7 +31,6 @@ from wiclosure.pipeline.stages.run import candidate_filter, prepare, run_stages
 from wiclosure.pipeline.stages.run_result import RunResult
 from wiclosure.simulation.sensors.radio import RadioSettings, simulate_wireless_from_poses
 from wiclosure.types import Scan, Trajectory
-from wiclosure.wiclosure_filter.config import FilterSettings
 
 RECORDED = Path(os.environ.get("WICLOSURE_DATA", "../shared/data")) / "kitti_raw_0926_0005" / "scans.npz"
 LIMIT, SLACK_M = 1.05, 0.05
@@ -128,9 +127,9 @@ class Outcome:
         return self.connected < other.connected or self.ate_m > max(LIMIT * other.ate_m, other.ate_m + SLACK_M)
 
 
-def configured(*, correct: bool) -> Config:
-    """The strong preset."""
-    return Config(filter=FilterSettings(accept_correction=correct))
+def configured(presets: Sequence[str], *, correct: bool) -> Config:
+    """Presets laid over each other, or the defaults."""
+    return load_config(*presets, overrides=[f"filter.accept_correction={str(correct).lower()}"])
 
 
 def main() -> None:
@@ -143,6 +142,7 @@ def main() -> None:
         "--random", type=int, default=0, help="so many faults, drawn by the seed: two, in part, half-way"
     )
     parser.add_argument("--correct", action="store_true", help="with --accept-correction")
+    parser.add_argument("--presets", default="strong", help="each laid over those before it, comma separated")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated world")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--show", action="store_true", help="print the diagnosis of every run")
@@ -152,7 +152,8 @@ def main() -> None:
     heads = f"{'closures':>8} {'false':>5} {'named':>5} {'doubt':>5} {'s':>6}"
     print(f"{'data':14} {'run':40} {'ATE m':>7} {'robots':>6} {heads}")
     for name in arguments.data.split(","):
-        inputs, config, progress = inputs_of(name, arguments.seed), configured(correct=arguments.correct), NoProgress()
+        config = configured(arguments.presets.split(","), correct=arguments.correct)
+        inputs, progress = inputs_of(name, arguments.seed), NoProgress()
         cache = StageCache(default_cache_folder())
         prepared = prepare(inputs, config, cache=cache, jobs=arguments.jobs, progress=progress)
         runs: dict[str, tuple[str, Fault]] = {"none": ("none", FAULTS["honest"])}
