@@ -127,8 +127,8 @@ class Outcome:
         return self.connected < other.connected or self.ate_m > max(LIMIT * other.ate_m, other.ate_m + SLACK_M)
 
 
-def configured(presets: Sequence[str], *, correct: bool) -> Config:
-    """Presets laid over each other, or the defaults."""
+def configured(presets: Sequence[str] = ("strong",), *, correct: bool) -> Config:
+    """Presets laid over each other."""
     return load_config(*presets, overrides=[f"filter.accept_correction={str(correct).lower()}"])
 
 
