@@ -17,6 +17,7 @@ from wiclosure.types import BoolArray, FloatArray, IntArray
 
 RECOMBINED = 100  # frames tried to see whether chance closes a cycle as well
 MOST_CYCLES = 300_000
+CYCLES_AT_ONCE = 512  # whose samples are held: bounds memory, and they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +165,8 @@ def _cycles(candidates: Sequence[CandidateSet]) -> IntArray:
 def _distances(frames: _Frames, cycles: IntArray) -> FloatArray:
     """Squared Mahalanobis distance of each cycle from closing."""
     found = [np.zeros(0)]
-    for start in range(0, len(cycles), PAIRS_AT_ONCE):
-        ab, bc, ac = (frames[n] for n in cycles[start : start + PAIRS_AT_ONCE].T)
+    for start in range(0, len(cycles), CYCLES_AT_ONCE):
+        ab, bc, ac = (frames[n] for n in cycles[start : start + CYCLES_AT_ONCE].T)
         to_c = se3.adjoint(se3.inverse(bc.T))
         wander = to_c @ ab.wander + bc.wander - ac.wander
         noise = se3.rotate_covariance(to_c, ab.noise) + bc.noise + ac.noise

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
@@ -95,18 +96,42 @@ class Cholesky:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """`(N K, S)` for `(N K, S)`."""
-        x, rests = right.copy(), [_elements(front.rest, self.width) for front in self.fronts]
-        parts = [slice(self.width * front.start, self.width * front.stop) for front in self.fronts]
-        of_fronts = list(zip(parts, rests, self.diagonal, self.below, strict=True))
-        for part, rest, L, E in of_fronts:
-            x[part] = dtrsm(1.0, L, x[part].T, side=1, lower=1, trans_a=1).T
+        x = right.copy()
+        self.forward(x, range(len(self.fronts)))
+        for n in reversed(range(len(self.fronts))):
+            part, rest = self._part(n), self._rests[n]
             if len(rest):
-                x[rest] -= E @ x[part]
-        for part, rest, L, E in reversed(of_fronts):
-            if len(rest):
-                x[part] -= E.T @ x[rest]
-            x[part] = dtrsm(1.0, L, x[part].T, side=1, lower=1).T
+                x[part] -= self.below[n].T @ x[rest]
+            x[part] = dtrsm(1.0, self.diagonal[n], x[part].T, side=1, lower=1).T
         return x
+
+    def forward(self, x: FloatArray, fronts: Sequence[int]) -> None:
+        """The first half of it, `L^-1 x`, in place of `x (N K, S)`: by the fronts that `x` reaches, in their order."""
+        for n in fronts:
+            part, rest = self._part(n), self._rests[n]
+            x[part] = dtrsm(1.0, self.diagonal[n], x[part].T, side=1, lower=1, trans_a=1).T
+            if len(rest):
+                x[rest] -= self.below[n] @ x[part]
+
+    def reached(self, nodes: IntArray) -> IntArray:
+        """Fronts of the nodes, and all above these: elsewhere `L^-1 x` is zero where `x` is zero but at the nodes."""
+        left = set((np.searchsorted([front.start for front in self.fronts], nodes, side="right") - 1).tolist())
+        reached: set[int] = set()
+        while left:
+            reached |= left
+            left = {self.fronts[n].parent for n in left if len(self.fronts[n].rest)} - reached
+        return np.array(sorted(reached), np.int64)
+
+    def elements(self, fronts: IntArray) -> IntArray:
+        """Rows of all unknowns of some fronts."""
+        return np.concatenate([np.arange(self._part(n).start, self._part(n).stop) for n in fronts.tolist()])
+
+    @cached_property
+    def _rests(self) -> list[IntArray]:
+        return [_elements(front.rest, self.width) for front in self.fronts]
+
+    def _part(self, n: int) -> slice:
+        return slice(self.width * self.fronts[n].start, self.width * self.fronts[n].stop)
 
 
 def _local(front: Front, nodes: IntArray) -> IntArray:

@@ -29,6 +29,20 @@ class Factorised:
         solved = self.of.solve(ordered.reshape(right.shape[0] * right.shape[1], -1)).reshape(right.shape)
         return np.asarray(solved[self.position])
 
+    def half_solved(self, nodes: IntArray, right: FloatArray) -> tuple[IntArray, FloatArray]:
+        """`L^-1 b`, L being the factor, for a `b` that is `right (M, K, S)` at these nodes `(M,)` and zero elsewhere.
+
+        Returns:
+            The rows that are not zero `(R,)`, in the order of elimination, and what they are `(R, S)`.
+        """
+        (_, width, columns), place = right.shape, self.position[nodes]
+        x = np.zeros((len(self.position), width, columns))
+        x[place] = right
+        fronts, of_unknowns = self.of.reached(place), x.reshape(-1, columns)
+        self.of.forward(of_unknowns, fronts.tolist())
+        rows = self.of.elements(fronts)
+        return rows, of_unknowns[rows]
+
 
 @dataclass(frozen=True, eq=False)
 class NormalMatrix:

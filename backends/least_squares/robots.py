@@ -66,10 +66,16 @@ class Robots:
         """Group of both ends of each closure, by the group `(R,)` of each robot."""
         return group[self.robot[self.loops.first]], group[self.robot[self.loops.second]]
 
-    @property
+    @cached_property
     def first_nodes(self) -> IntArray:
         """Of each robot."""
         return np.flatnonzero(np.r_[True, self.robot[1:] != self.robot[:-1]])
+
+    def nodes_of(self, robots: IntArray) -> IntArray:
+        """Nodes of some robots, one robot's after the other's."""
+        ends = np.append(self.first_nodes[1:], len(self.robot))
+        ranges = [np.arange(self.first_nodes[robot], ends[robot]) for robot in robots.tolist()]
+        return np.concatenate([np.zeros(0, np.int64), *ranges])
 
     def drift_share(self) -> float:
         """How far the odometry of a path may drift, one sigma of its steps' translations, by the path's extent.

@@ -39,14 +39,15 @@ def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
 
 def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Settled) -> tuple[Claims, int, int]:
     """The closures between two groups, all from the lower to the higher."""
-    loops, (first, second) = robots.loops.subset(rows), robots.groups_of_ends(group)
-    turned = first[rows] > second[rows]
+    loops = robots.loops.subset(rows)
+    first, second = group[robots.robot[loops.first]], group[robots.robot[loops.second]]
+    turned = first > second
     T, covariance = loops.T.copy(), loops.covariance.copy()
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     a, b = np.where(turned, loops.second, loops.first), np.where(turned, loops.first, loops.second)
     claims = Claims(settled.poses[a], settled.poses[b], T, covariance, settled.wander[a], settled.wander[b])
-    low, high = sorted((int(first[rows[0]]), int(second[rows[0]])))
+    low, high = sorted((int(first[0]), int(second[0])))
     return claims, low, high
 
 
@@ -123,7 +124,7 @@ def _coverage(robots: Robots, candidate: CandidateSet, group: IntArray, settled:
         members = touched[group[touched] == of_side]
         lengths[side] = robots.length_m[members].sum()
         stretches[side] = sum(np.ptp(robots.along_m[nodes[robots.robot[nodes] == robot]]) for robot in members)
-        positions = settled.poses[np.isin(robots.robot, members), :3, 3]
+        positions = settled.poses[robots.nodes_of(members), :3, 3]
         extents[side] = np.linalg.norm(np.ptp(positions, axis=0))
     along = stretches.max() / max(float(np.sqrt(lengths.prod())), 1e-9)
     return min(1.0, float(along), _span(candidate) / max(float(np.sqrt(extents.prod())), 1e-9))

@@ -36,3 +36,22 @@ def test_a_matrix_that_rounding_leaves_without_a_gauge_is_solved():
     found = factor.solve(right)
     np.testing.assert_allclose(found[2] - found[0], 2e-10 * np.ones(6), rtol=1e-3)
     np.testing.assert_allclose(found[5] - found[3], 2e-10 * np.ones(6), rtol=1e-3)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(2, 60), edges=st.integers(0, 30))
+def test_halves_make_the_products_of_whole_solutions(seed, size, edges):
+    """`(L^-1 a)^T (L^-1 b) = a^T H^-1 b`, where a stands at few nodes and b at all."""
+    rng = np.random.default_rng(seed)
+    first = np.concatenate([np.arange(size - 1), rng.integers(0, size - 1, edges)])
+    second = np.concatenate([np.arange(1, size), rng.integers(first[size - 1 :] + 1, size)])
+    A, B = rng.normal(size=(2, len(first), 3, 3))
+    factor = NormalMatrix.of(first, second, size).factorised(A, B, np.ones(len(first)), np.array([0]), 0.01)
+    nodes = rng.choice(size, min(size, 3), replace=False)
+    a, b = np.zeros((size, 3, 2)), rng.normal(size=(size, 3, 4))
+    a[nodes] = rng.normal(size=(len(nodes), 3, 2))
+    rows, of_a = factor.half_solved(nodes, a[nodes])
+    all_rows, of_b = factor.half_solved(np.arange(size), b)
+    assert all_rows.tolist() == list(range(3 * size))
+    wanted = a.reshape(-1, 2).T @ factor.solve(b).reshape(-1, 4)
+    np.testing.assert_allclose(of_a.T @ of_b[rows], wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
