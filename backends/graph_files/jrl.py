@@ -1,7 +1,8 @@
 """JSON Robot Logs (JRL): multi-robot graphs with the labels of their loops, as COSMO-Bench has them.
 
 McGann et al., the format's description in the repository `DanMcGann/jrl`: keys are GTSAM's symbols, quaternions are
-w x y z, covariances are full matrices row by row with rotation first (planar: x y theta).
+w x y z, covariances are full matrices row by row with rotation first (planar: x y theta).  The description and the
+repository's own reader differ on values and labels; both forms are read.
 """
 
 from __future__ import annotations
@@ -32,7 +33,6 @@ from wiclosure.types import FloatArray
 Json = Any  # what a file may hold
 RELATIVE_POSES = ("BetweenFactorPose2", "BetweenFactorPose3")
 PRIORS = ("PriorFactorPose2", "PriorFactorPose3")
-NO_POSE = np.full((4, 4), np.nan)
 WXYZ_TO_XYZW = (1, 2, 3, 0)
 
 
@@ -50,8 +50,7 @@ def read_robot_log(path: Path, name: str, remarks: Remarks) -> FileRecords:
     with _as_described(str(path)):
         guesses = list(_guesses(path, log.get("initialization") or {}, records))
         priors = _add_measurements(records, log)
-    joined = {key: Vertex(key, edge.place, NO_POSE) for edge in records.edges for key in (edge.first, edge.second)}
-    records.vertices += (joined | priors | {vertex.key: vertex for vertex in guesses}).values()
+    records.vertices += (priors | {vertex.key: vertex for vertex in guesses}).values()
     return records
 
 
@@ -70,7 +69,7 @@ def _as_described(place: str) -> Iterator[None]:
 
 def _add_measurements(records: FileRecords, log: dict[str, Json]) -> dict[int, Vertex]:
     """Adds all relative poses with their labels; returns priors of poses by key."""
-    uncertain, false = (_labels(log.get(word)) for word in ("potential_outlier_factors", "outlier_factors"))
+    uncertain, false = (_labels(records.path, log, word) for word in ("potential_outlier_factors", "outlier_factors"))
     priors: dict[int, Vertex] = {}
     records.planar = True
     for factor, measurement in _measurements(log["measurements"]):
@@ -111,10 +110,19 @@ def _from_cbor(path: Path, content: bytes) -> Json:
         raise InputError(f"no CBOR ({' '.join(str(error).split())[:100]})") from error
 
 
-def _labels(listed: Json) -> set[tuple[str, int, int]] | None:
-    """Factors by robot, entry and place in the entry; None where the file has no such list."""
+def _labels(path: Path, log: dict[str, Json], word: str) -> set[tuple[str, int, int]] | None:
+    """Factors by robot, entry and place in the entry; None where the file has no such list.
+
+    Raises:
+        InputError: the list names no robots, as the description has it, and there are several.
+    """
+    listed, robots = log.get(word), list(log["measurements"])
     if listed is None:
         return None
+    if isinstance(listed, list):
+        if len(robots) > 1 and listed:
+            raise InputError(f"{path}: {word} names no robots, and there are {len(robots)}; expected lists by robot")
+        listed = dict.fromkeys(robots, listed)
     return {(robot, int(entry), int(n)) for robot, pairs in listed.items() for entry, n in pairs or ()}
 
 
@@ -127,14 +135,20 @@ def _measurements(robots: dict[str, Json]) -> Iterator[tuple[tuple[str, int, int
 
 def _guesses(path: Path, values: dict[str, Json], records: FileRecords) -> Iterator[Vertex]:
     for robot, of_robot in values.items():
-        for value in of_robot or ():
-            place = f"{path}, initialization of {robot}"
+        place = f"{path}, initialization of {robot}"
+        for key, value in _keyed(of_robot or (), place):
             with _as_described(place):
                 if value["type"] not in ("Pose2", "Pose3"):
                     records.ignored[value["type"]] += 1
                     continue
-                vertex = _vertex(place, value, value["key"], planar=value["type"] == "Pose2")
+                vertex = _vertex(place, value, key, planar=value["type"] == "Pose2")
             yield vertex
+
+
+def _keyed(values: Json, place: str) -> list[tuple[Json, Json]]:
+    """Values with their keys: a list in which each has its own, or, as the description has it, an object by key."""
+    with _as_described(place):
+        return list(values.items()) if isinstance(values, dict) else [(value["key"], value) for value in values]
 
 
 def _vertex(place: str, value: Json, key: Json, *, planar: bool) -> Vertex:

@@ -14,8 +14,8 @@ from wiclosure.types import FloatArray
 
 LEAST_INFORMATION = 1e-8  # 10 km, 10,000 rad: nothing is known along that axis
 MOST_INFORMATION = 1e14  # a tenth of a micrometre: what is more exact than that loses the rest to rounding
-REFUSED_SHARE = 0.2  # more indefinite matrices than this are a habit of the writer, no accident
-REFUSED_COUNT = 3
+HABIT_SHARE = 0.2  # more indefinite or empty matrices than this are a habit of the writer, no accident
+HABIT_COUNT = 3
 TOO_LARGE = 1e30  # of an information: no sensor's
 NO_NUMBERS = "its information matrix is not finite"
 INDEFINITE = "its information matrix is not positive semi-definite"
@@ -69,20 +69,29 @@ def covariances(edges: Sequence[Edge], settings: GraphFileSettings, remarks: Rem
 def _stated(edges: Sequence[Edge], settings: GraphFileSettings, remarks: Remarks) -> FloatArray:
     """Information `(E, 6, 6)`, that of the settings where none is stated."""
     assumed = np.diag(np.repeat([settings.sigma_rad, settings.sigma_m], 3) ** -2.0)
-    without = [n for n, edge in enumerate(edges) if edge.information is None]
-    if without:
+    stated = np.stack([np.zeros((6, 6)) if edge.information is None else edge.information for edge in edges])
+    without = np.array([edge.information is None for edge in edges])
+    zero = ~without & ~stated.any(axis=(1, 2))
+    if _is_habit(int(zero.sum()), edges):  # of a writer that has nothing to state
+        without |= zero
+    if without.any():
         remarks.add(
             "no information",
-            f"{edges[without[0]].place}: {len(without)} of {len(edges)} edges state no information;"
+            f"{edges[int(np.argmax(without))].place}: {int(without.sum())} of {len(edges)} edges state no information;"
             f" {settings.sigma_m:g} m and {settings.sigma_rad:g} rad are assumed"
             " (--set graphs.sigma_m=..., --set graphs.sigma_rad=...)",
         )
-    return np.stack([assumed if edge.information is None else edge.information for edge in edges])
+    stated[without] = assumed
+    return stated
+
+
+def _is_habit(count: int, edges: Sequence[Edge]) -> bool:
+    return count >= HABIT_COUNT and count > HABIT_SHARE * len(edges)
 
 
 def _refuse_habit(edges: Sequence[Edge], indefinite: np.ndarray) -> None:
     count = int(indefinite.sum())
-    if count >= REFUSED_COUNT and count > REFUSED_SHARE * len(edges):
+    if _is_habit(count, edges):
         raise InputError(
             f"{edges[int(np.argmax(indefinite))].place}: {count} of {len(edges)} information matrices are not positive"
             " semi-definite, this is the first; write them as g2o does (upper triangle, row by row, translation first),"

@@ -100,13 +100,12 @@ def _keys(file: FileRecords) -> set[int]:
 
 
 def _owners(files: Sequence[FileRecords]) -> dict[int, FileRecords]:
-    """The first file that has a vertex of each key; of files of edges alone, the one that says most of the pose.
+    """The first file that has a vertex of each key; where none has, the one that says most of the pose.
 
     An edge says as much as others in its file make its leap from number to number, times those of the most frequent
     leap that state its matrix: odometry has one leap where robots count for themselves or in turn.
     """
-    if any(file.vertices for file in files):
-        return {vertex.key: file for file in reversed(files) for vertex in file.vertices}
+    listed = {vertex.key: file for file in reversed(files) for vertex in file.vertices}
     said: dict[int, Counter[int]] = {}
     for n, file in enumerate(files):
         leaps = Counter(map(_leap, file.edges))
@@ -115,7 +114,7 @@ def _owners(files: Sequence[FileRecords]) -> dict[int, FileRecords]:
         for edge in file.edges:
             for key in (edge.first, edge.second):
                 said.setdefault(key, Counter())[n] += leaps[_leap(edge)] * (1 + matrices[_stated(edge)])
-    return {key: files[of_key.most_common(1)[0][0]] for key, of_key in said.items()}
+    return {key: files[of_key.most_common(1)[0][0]] for key, of_key in said.items()} | listed
 
 
 def _leap(edge: Edge) -> int:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from wiclosure.errors import InputError
 from wiclosure.formats.text_table import utf16_of
-from wiclosure.formats.unpacking import LARGEST_UNPACKED, Compression, UnpackError, largest_content, unpack
+from wiclosure.formats.unpacking import LARGEST_UNPACKED, ZSTD_MAGIC, Compression, UnpackError, largest_content, unpack
 
-_STARTS: Mapping[bytes, Compression] = {b"\x1f\x8b": "gz", b"\xfd7zXZ": "xz"}
+_STARTS: Mapping[bytes, Compression] = {b"\x1f\x8b": "gz", b"\xfd7zXZ": "xz", b"BZh": "bz2", ZSTD_MAGIC: "zstd"}
 _SAMPLE = 4096  # bytes that tell the encoding
-PACKED: Mapping[str, Compression] = {".gz": "gz", ".xz": "xz"}
+PACKED: Mapping[str, Compression] = {".gz": "gz", ".xz": "xz", ".bz2": "bz2", ".zst": "zstd"}
 
 
 def read_bytes(path: Path) -> bytes:
-    """What stands in the file, unpacked if it is packed by gzip or xz.
+    """What stands in the file, unpacked if gzip, xz, bzip2 or Zstandard packed it.
 
     Raises:
         InputError: the file cannot be read.
@@ -35,14 +35,31 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The same as text, UTF-8 or UTF-16; bytes that are none become replacement characters, which no number holds."""
+    """The same as text, UTF-8 or UTF-16; bytes that are none become replacement characters, which no number holds.
+
+    Raises:
+        InputError: the file cannot be read, or holds no text.
+    """
     content = read_bytes(path)
-    return content.decode(utf16_of(content[:_SAMPLE]) or "utf-8-sig", errors="replace")
+    encoding = utf16_of(content[:_SAMPLE])
+    if encoding is None and b"\0" in content[:_SAMPLE]:
+        kinds = ", ".join(PACKED)
+        raise InputError(f"{path} holds no text; give the graph as text, packed at most as {kinds}")
+    return content.decode(encoding or "utf-8-sig", errors="replace")
+
+
+def begins_as_json(path: Path) -> bool:
+    """Whether a JSON object stands in the file.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    return read_bytes(path)[:_SAMPLE].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
 
 
 def stem(path: Path) -> str:
     """The file's name without what tells its format: `sphere` of `sphere.g2o.xz`."""
     name = path.name
-    for suffix in (".xz", ".gz", ".cbor", ".g2o", ".jrl", ".json", ".graph", ".txt"):
+    for suffix in (*PACKED, ".cbor", ".g2o", ".jrl", ".json", ".graph", ".txt"):
         name = name.removesuffix(suffix) or name
     return name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from wiclosure.backends.graph_files.g2o import read_text_graph
 from wiclosure.backends.graph_files.jrl import read_robot_log
-from wiclosure.backends.graph_files.open import stem
+from wiclosure.backends.graph_files.open import begins_as_json, stem
 from wiclosure.backends.graph_files.records import FileRecords, Remarks
 from wiclosure.errors import InputError
 
@@ -15,7 +15,7 @@ ROBOT_LOGS = {".jrl", ".json", ".cbor"}
 
 
 def read_records(paths: Sequence[Path], remarks: Remarks) -> list[FileRecords]:
-    """What stands in each file; its name tells the format: JSON Robot Log, or else text.
+    """What stands in each file; its name, or a first character, tells the format: JSON Robot Log, or else text.
 
     Raises:
         InputError: a file cannot be read, is given twice, or is malformed.
@@ -28,7 +28,8 @@ def read_records(paths: Sequence[Path], remarks: Remarks) -> list[FileRecords]:
 
 
 def _reader(path: Path) -> Callable[[Path, str, Remarks], FileRecords]:
-    return read_robot_log if ROBOT_LOGS & {suffix.lower() for suffix in path.suffixes[-2:]} else read_text_graph
+    is_log = ROBOT_LOGS & {suffix.lower() for suffix in path.suffixes[-2:]} or begins_as_json(path)
+    return read_robot_log if is_log else read_text_graph
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

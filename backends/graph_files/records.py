@@ -33,6 +33,11 @@ class Vertex:
     place: str
     T_world_body: FloatArray
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the guess is a pose."""
+        return bool(np.isfinite(self.T_world_body).all())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from wiclosure import se3
 from wiclosure.backends.graph_files.matrices import covariances
 from wiclosure.backends.graph_files.naming import Naming, Pose, pose_name
 from wiclosure.backends.graph_files.parts import NamedGraph, Part, parts
+from wiclosure.backends.graph_files.poses_of_edges import held_by_edges
 from wiclosure.backends.graph_files.read import read_records
 from wiclosure.backends.graph_files.records import Edge, FileRecords, Remarks, Vertex
 from wiclosure.backends.graph_files.settings import GraphFileSettings
@@ -46,6 +47,7 @@ class GraphTeam:
         keys: `(N,)` uint64 by robot: the whole key in the files.
         closures: all other edges, each once although both robots' files may hold it.
         edges: the edge in the files of each closure.
+        copies: other edges in the files that say the same as each closure.
         unnamed: robots that keys do not name, but their own edges.
         unusable: edges that are left out.
         origins: `(3,)` by robot: added to the positions of its odometry it gives those in the files.
@@ -61,6 +63,7 @@ class GraphTeam:
     keys: dict[str, NDArray[np.uint64]]
     closures: list[Closure]
     edges: list[Edge]
+    copies: list[list[Edge]]
     unnamed: frozenset[str]
     unusable: tuple[UnusableEdge, ...]
     origins: dict[str, FloatArray]
@@ -108,21 +111,20 @@ def read_graphs(paths: Sequence[Path], settings: GraphFileSettings | None = None
 def _vertices(
     files: Sequence[FileRecords], naming: Naming, ends: Sequence[tuple[Pose, Pose]], remarks: Remarks
 ) -> dict[Pose, Vertex]:
-    """The vertex of each pose, sorted; where no file has vertices, poses are what edges join."""
+    """The vertex of each pose, sorted; of a pose that only edges hold, one without a guess."""
     vertices: dict[Pose, Vertex] = {}
     for file in files:
         for vertex in file.vertices:
             pose = naming(file, vertex.key)
-            known = vertices.setdefault(pose, vertex)
-            if not np.array_equal(known.T_world_body, vertex.T_world_body, equal_nan=True):
+            known = vertices.get(pose)
+            if known is None or not known.is_known:
+                vertices[pose] = vertex
+            elif vertex.is_known and not np.array_equal(known.T_world_body, vertex.T_world_body):
                 said = f"{vertex.place}: {pose_name(*pose)} stands already in {known.place}; that is used"
                 remarks.add("stands already", said)
-    if not vertices:
-        unknown, edges = np.full((4, 4), np.nan), [edge for file in files for edge in file.edges]
-        for edge, pair in zip(edges, ends, strict=True):
-            for pose, key in zip(pair, (edge.first, edge.second), strict=True):
-                vertices.setdefault(pose, Vertex(key, edge.place, unknown))
-    return dict(sorted(vertices.items()))
+    return dict(
+        sorted((held_by_edges([edge for file in files for edge in file.edges], ends, vertices) | vertices).items())
+    )
 
 
 def _team(graph: NamedGraph, found: Sequence[Part], files: Sequence[FileRecords], remarks: Remarks) -> GraphTeam:
@@ -133,13 +135,14 @@ def _team(graph: NamedGraph, found: Sequence[Part], files: Sequence[FileRecords]
         origins[part.robot] = T_world_first[:3, 3].copy() if far else np.zeros(3)
         T_world_first[:3, 3] -= origins[part.robot]
         odometry[part.robot] = _trajectory(part, T_world_first)
-    closures, edges, unusable = _closures(graph, found)
+    closures, edges, copies, unusable = _closures(graph, found)
     return GraphTeam(
         odometry=odometry,
         indices={part.robot: np.array([graph.poses[n].number for n in part.poses], np.int64) for part in found},
         keys={part.robot: np.array([graph.vertices[n].key for n in part.poses], np.uint64) for part in found},
         closures=closures,
         edges=edges,
+        copies=copies,
         unnamed=frozenset(p.robot for p in found if graph.poses[p.poses[0]].robot in graph.unnamed),
         unusable=tuple(unusable),
         origins=origins,
@@ -153,7 +156,7 @@ def _team(graph: NamedGraph, found: Sequence[Part], files: Sequence[FileRecords]
 
 def _start(graph: NamedGraph, part: Part, remarks: Remarks) -> FloatArray:
     vertex = graph.vertices[part.poses[0]]
-    if np.isfinite(vertex.T_world_body).all():
+    if vertex.is_known:
         return np.array(vertex.T_world_body)
     name = pose_name(*graph.poses[part.poses[0]])
     remarks.add("no start", f"{vertex.place}: no pose is given for {name}; {part.robot} starts at the origin")
@@ -172,11 +175,13 @@ def _trajectory(part: Part, T_world_first: FloatArray) -> Trajectory:
     )
 
 
-def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], list[Edge], list[UnusableEdge]]:
-    """Each edge that is no odometry once."""
+def _closures(
+    graph: NamedGraph, found: Sequence[Part]
+) -> tuple[list[Closure], list[Edge], list[list[Edge]], list[UnusableEdge]]:
+    """Each edge that is no odometry once, and its copies."""
     position = {int(n): KeyframeId(part.robot, place) for part in found for place, n in enumerate(part.poses)}
-    closures, edges, unusable = [], [], []
-    for row in _new_measurements(graph, [row for part in found for row in part.rows.tolist()]):
+    closures, edges, copies, unusable = [], [], [], []
+    for row, *repeats in _measurements(graph, [row for part in found for row in part.rows.tolist()]):
         edge = graph.edges[row]
         first, second = graph.ends[row]
         missing = [end for end, n in zip((first, second), graph.numbers[row], strict=True) if n < 0]
@@ -189,31 +194,36 @@ def _closures(graph: NamedGraph, found: Sequence[Part]) -> tuple[list[Closure], 
         covariance = graph.stated.matrices[row]
         closures.append(Closure.from_measurement(query, match, edge.T_first_second, covariance))
         edges.append(edge)
-    return closures, edges, unusable
+        copies.append([graph.edges[n] for n in repeats])
+    return closures, edges, copies, unusable
 
 
-def _new_measurements(graph: NamedGraph, odometry: Sequence[int]) -> Iterator[int]:
-    """Rows of edges that neither odometry nor an edge before states.
+def _measurements(graph: NamedGraph, odometry: Sequence[int]) -> list[list[int]]:
+    """Rows of edges that state the same, without those that state what odometry does, in the order of the first ones.
 
     Many writers put edges between robots into both robots' files, each from its own pose to the other's.
     """
     known: defaultdict[frozenset[Pose], list[int]] = defaultdict(list)
+    copies: dict[int, list[int]] = {}
+    of_odometry = set(odometry)
     others = np.setdiff1d(np.arange(len(graph.edges)), odometry)
-    for n, row in enumerate([*odometry, *others.tolist()]):
+    for row in [*odometry, *others.tolist()]:
         between = known[frozenset(graph.ends[row])]
-        if not any(_same_measurement(graph, row, other) for other in between):
+        same = next((other for other in between if _same_measurement(graph, row, other)), None)
+        if same is None:
             between.append(row)
-            if n >= len(odometry):
-                yield row
+        copies.setdefault(row if same is None else same, []).append(row)
+    return [rows for first, rows in copies.items() if first not in of_odometry]
 
 
 def _same_measurement(graph: NamedGraph, row: int, other: int) -> bool:
-    """Whether two edges between the same poses say the same, one of them perhaps the other way round."""
+    """Whether two edges between the same poses say the same, one of them perhaps the other way round.
+
+    Measurements that agree to the last digit are one, whatever their matrices: two would each have an error of its own.
+    """
     if graph.edges[row].defect or graph.edges[other].defect:  # no numbers to compare
         return False
     turned = graph.ends[row] != graph.ends[other]
     T_row, T_other = graph.edges[row].T_first_second, graph.edges[other].T_first_second
     digits = WRITTEN * (10.0 + np.abs(T_other[:3, 3]).max())
-    if not np.allclose(se3.inverse(T_row) if turned else T_row, T_other, rtol=0, atol=digits):
-        return False
-    return turned or np.allclose(graph.stated.matrices[row], graph.stated.matrices[other], rtol=WRITTEN, atol=0)
+    return np.allclose(se3.inverse(T_row) if turned else T_row, T_other, rtol=0, atol=digits)

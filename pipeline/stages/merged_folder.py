@@ -58,8 +58,9 @@ def write_merged(folder: Path, merged: MergedGraphs) -> None:
         rows.writeheader()
         rows.writerows(_rows(merged))
     if team.from_robot_log:
-        closures = zip(team.edges, merged.graph.closures, strict=True)
-        rejected = [edge.factor for edge, closure in closures if edge.factor and closure.rejected_at is not None]
+        stated = zip(team.edges, team.copies, merged.graph.closures, strict=True)
+        outliers = [[edge, *copies] for edge, copies, closure in stated if closure.rejected_at is not None]
+        rejected = [edge.factor for edges in outliers for edge in edges if edge.factor]
         poses = {robot: trajectory.poses for robot, trajectory in trajectories.items()}
         write_robot_results(folder / "results.jrr", team.title, poses, team.keys, rejected, planar=team.planar)
     write_json(folder / "summary.json", summary(merged))

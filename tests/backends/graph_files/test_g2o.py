@@ -114,7 +114,7 @@ def test_another_edge_of_its_own_joins_a_robot_whose_odometry_is_broken(read):
 
 def test_what_can_be_repaired_is_repaired_and_said(read):
     chain = [vertex(A, "nan 0 0 0 0 0 1"), vertex(A + 1), edge(A, A + 1, "1 0 0 0 0 0 2"), "0.42", vertex(A + 1, AHEAD)]
-    team = read([*chain, edge(A, A + 1, AHEAD, "1 " + "0 " * 20)])
+    team = read([*chain, edge(A, A + 1, "1.1 0 0 0 0 0 1", "1 " + "0 " * 20)])
     np.testing.assert_allclose(team.odometry["a"].positions[:, 0], [0, 1])
     assert np.linalg.eigvalsh(team.closures[0].measured.covariance)[-1] == pytest.approx(1e8)
     said = "\n".join(team.warnings)

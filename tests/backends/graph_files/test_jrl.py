@@ -97,7 +97,11 @@ def test_labels_may_be_missing(log, tmp_path, unlabelled):
             lambda c: c | {"measurements": {"a": [{"measurements": [{}]}]}},
             "robot a, entry 0, measurement 0: 'type' is missing",
         ),
-        (lambda c: c | {"outlier_factors": [[0, 1]]}, "a JSON Robot Log has it otherwise"),
+        (
+            lambda c: c | {"outlier_factors": [[0, 1]]},
+            "outlier_factors names no robots, and there are 2; expected lists",
+        ),
+        (lambda c: c | {"initialization": {"a": [[]]}}, "initialization of a: .* a JSON Robot Log has it otherwise"),
         (lambda c: c | {"measurements": {"a": []}}, "no poses in it"),
     ],
 )
@@ -120,3 +124,40 @@ def test_logs_packed_as_cbor_are_read(log, tmp_path):
 
 def test_a_covariance_of_the_largest_numbers_tells_nothing() -> None:
     assert not (_information((np.eye(6) * 1.7e308).ravel().tolist(), planar=False) > 0).any()
+
+
+def test_values_by_key_and_labels_without_robots_are_read_as_the_description_has_them(forms, tmp_path):
+    team = forms.random_team(3, 1, size=12, n_loops=8)
+    content = forms.robot_log(team, false={1})
+    at = forms.value(np.array([[1.0, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]]))
+    content["initialization"] = {"a": {str(forms.symbols(0, 0)): at}}
+    listed = content["outlier_factors"]["a"]
+    for word in ("outlier_factors", "potential_outlier_factors"):
+        content[word] = content[word]["a"]
+    found = read(content, tmp_path)
+    np.testing.assert_allclose(found.odometry["a"].positions[0], [5, 6, 7])
+    assert [list(edge.factor[1:]) for edge in found.edges if edge.is_false] == listed
+
+
+def test_a_robot_of_which_only_loops_tell_has_no_poses(log, tmp_path):
+    written, content = log
+    content["measurements"] = {"a": content["measurements"]["a"]}
+    found = read(content, tmp_path)
+    assert list(found.odometry) == ["a"]
+    assert len(found.unusable) == sum({q[0], m[0]} == {0, 1} for q, m, _ in written.loops if q[0] == 0)
+
+
+def test_logs_of_one_robot_each_are_a_team_and_each_tells_its_own_starts(log, forms, tmp_path):
+    written, content = log
+    at = forms.value(np.array([[1.0, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]]))
+    paths = []
+    for r, robot in enumerate("ab"):
+        starts = {robot: [{**at, "key": forms.symbols(r, 0)}]}
+        alone = content | {"measurements": {robot: content["measurements"][robot]}, "initialization": starts}
+        paths.append(tmp_path / f"{robot}.jrl")
+        paths[-1].write_text(json.dumps(alone))
+    found = read_graphs(paths)
+    assert len(found.closures) == len(written.loops)
+    for robot in "ab":
+        np.testing.assert_allclose(found.odometry[robot].positions[0], [5, 6, 7])
+    assert not found.warnings

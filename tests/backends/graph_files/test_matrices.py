@@ -73,3 +73,12 @@ def test_a_few_indefinite_matrices_are_accidents_and_many_a_habit():
 def test_defects_of_poses_stay_and_no_edges_are_none():
     assert covariances(edges(np.eye(6), defect="no pose"), REFUSE, Remarks()).defects == ["no pose"]
     assert covariances([], REFUSE, Remarks()).matrices.shape == (0, 6, 6)
+
+
+def test_empty_matrices_are_accidents_or_a_writer_that_states_none():
+    remarks = Remarks()
+    found = covariances(edges(*[np.zeros((6, 6))] * 3, *[np.eye(6)] * 9), REFUSE, remarks)
+    np.testing.assert_allclose(found.matrices[:3], np.tile(np.eye(6), (3, 1, 1)))
+    assert "line 1: 3 of 12 edges state no information; 1 m and 1 rad are assumed" in remarks.sentences()[0]
+    accident = covariances(edges(np.zeros((6, 6)), *[np.eye(6)] * 9), REFUSE, Remarks())
+    assert accident.matrices[0, 0, 0] == pytest.approx(1e8)

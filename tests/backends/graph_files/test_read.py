@@ -18,7 +18,7 @@ def write(forms, tmp_path):
     def write(name: str) -> Path:
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
-        is_log = path.suffix in {".jrl", ".json"}
+        is_log = path.suffix in {".jrl", ".json", ".log"}
         lines = [line for robot in forms.lines(team, forms.symbols) for line in robot]
         path.write_text(json.dumps(forms.robot_log(team)) if is_log else "\n".join(lines))
         return path
@@ -27,12 +27,13 @@ def write(forms, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "is_log"), [("team.jrl", True), ("team.json", True), ("team.g2o", False), ("team", False)]
+    ("name", "is_log"),
+    [("team.jrl", True), ("team.json", True), ("team.log", True), ("team.g2o", False), ("team", False)],
 )
-def test_the_name_tells_the_format(write, name, is_log):
+def test_the_name_or_a_first_brace_tells_the_format(write, name, is_log):
     (records,) = read_records([write(name)], Remarks())
     assert records.is_robot_log is is_log
-    assert (records.name, len(records.edges) > 0) == ("team", True)
+    assert (records.name.removesuffix(".log"), len(records.edges) > 0) == ("team", True)
 
 
 def test_files_of_one_stem_are_told_apart_by_their_folder_and_then_by_a_number(write):

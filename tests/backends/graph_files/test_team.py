@@ -185,3 +185,44 @@ def test_what_decides_on_closures_has_the_steps_of_branching_odometry(data_dir):
     assert set(zip(first, second, strict=True)) <= set(zip(trajectory.parents[1:], range(1, 64), strict=True))
     np.testing.assert_allclose(odometry.T, trajectory.relative_pose(first, second))
     np.testing.assert_allclose(odometry.covariance, trajectory.relative_covariance(first, second), atol=1e-12)
+
+
+KEPT = {
+    "first of each robot": lambda robot, n: n == 0,
+    "first of all": lambda robot, n: (robot, n) == (0, 0),
+    "most": lambda robot, n: n % 4 != 1,
+    "first robot's": lambda robot, n: robot == 0,
+}
+
+
+@pytest.mark.parametrize("kept", KEPT.values(), ids=KEPT)
+@pytest.mark.parametrize("apart", [False, True], ids=["one file", "one file a robot"])
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 10**6), plain=st.booleans())
+def test_poses_without_a_vertex_are_where_odometry_has_them(kept, apart, forms, tmp_path_factory, seed, plain):
+    team = forms.random_team(seed, 2, size=12)
+    of_robots = forms.lines(team, forms.blocks(team) if plain else forms.symbols)
+    for robot, lines in enumerate(of_robots):
+        of_robots[robot] = [line for n, line in enumerate(lines) if not line.startswith("VERTEX") or kept(robot, n)]
+    require_same(read_graphs(forms.write(tmp_path_factory.mktemp("few"), of_robots, apart=apart)), team)
+
+
+def test_edges_to_a_robot_whose_file_is_missing_make_no_poses(forms, tmp_path):
+    team = forms.random_team(5, 2, size=12, n_loops=12)
+    between = [loop for loop in team.loops if loop[0][0] != loop[1][0]]
+    for name, of_robots in (("with", forms.lines(team, forms.symbols)), ("without", forms.lines(team, forms.symbols))):
+        (tmp_path / name).mkdir()
+        lines = [line for line in of_robots[0] if name == "with" or not line.startswith("VERTEX")]
+        alone = read_graphs(forms.write(tmp_path / name, [lines]))
+        assert list(alone.odometry) == ["a"]
+        assert len(alone.unusable) == sum(q[0] == 0 for q, _, _ in between) > 0
+
+
+def test_a_measurement_said_again_with_another_matrix_is_one(forms, tmp_path):
+    team = forms.random_team(7, 2, size=12)
+    lines = [line for of_robot in forms.lines(team, forms.symbols) for line in of_robot]
+    again = [" ".join([*line.split()[:-21], forms.full(3 * forms.SIGMA)]) for line in lines if line.startswith("EDGE")]
+    found = read_graphs(forms.write(tmp_path, [[*lines, *again]]))
+    require_same(found, team)
+    assert [len(copies) for copies in found.copies] == [1] * len(team.loops)
+    np.testing.assert_allclose(found.odometry["a"].step_covariances[0], np.diag(forms.SIGMA**2))

@@ -190,3 +190,15 @@ def test_recorded_lattices_are_one_map(run, data_dir, folder):
     assert list(found["robots"]) == list("abcdefghi"[: len(paths)])
     assert len(found["components"]) == 1
     assert found["closures"]["accepted"] >= 0.8 * found["closures"]["read"]
+
+
+def test_both_copies_of_a_rejected_loop_are_outliers(run, forms, team, tmp_path):
+    log = forms.robot_log(team, false={0})
+    loop = next(m for m in log["measurements"]["a"][29]["measurements"])
+    log["measurements"]["b"][5]["measurements"].append(loop)
+    (tmp_path / "team.jrl").write_text(json.dumps(log))
+    code, _, _ = run(tmp_path / "team.jrl")
+    assert code == 0
+    outliers = json.loads((tmp_path / "out/results.jrr").read_text())["outliers"]
+    assert [29, 0] in outliers["a"]
+    assert [5, 1] in outliers["b"]
