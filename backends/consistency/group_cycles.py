@@ -12,7 +12,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE, SATURATED, CandidateSet, Places, least_span
-from wiclosure.backends.sets.claims import PAIRS_AT_ONCE, Claims, chance_to_agree
+from wiclosure.backends.sets.chance import chance_to_agree
+from wiclosure.backends.sets.claims import PAIRS_AT_ONCE, Claims
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 RECOMBINED = 100  # frames tried to see whether chance closes a cycle as well

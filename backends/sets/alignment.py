@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import binom
 
-from wiclosure.backends.sets.claims import Claims, chance_to_agree
+from wiclosure.backends.sets.chance import chance_distances, chance_to_agree
+from wiclosure.backends.sets.claims import Claims
 from wiclosure.backends.sets.dense_sets import dense_sets
 from wiclosure.types import FloatArray, IntArray
 
@@ -45,12 +46,12 @@ class ClosureComparison:
     @cached_property
     def recombined(self) -> FloatArray:
         """Sorted squared distances of recombined closures, by which the chance is told that sets are asked for."""
-        return self.claims.chance_distances()
+        return chance_distances(self.claims)
 
     @cached_property
     def few_recombined(self) -> FloatArray:
         """The same of `FEW_PAIRS`."""
-        return self.claims.chance_distances(FEW_PAIRS)
+        return chance_distances(self.claims, FEW_PAIRS)
 
     def distances(self, members: IntArray) -> FloatArray:
         """`(L, N)` squared distances of some anchors `(L,)` from all closures, each computed when first asked for."""
@@ -75,7 +76,8 @@ class ClosureComparison:
         for members in dense_sets(inside & inside.T, most):
             agree = self.distances(members) <= limit
             votes = agree.sum(axis=0)
-            own = np.isin(np.arange(len(self.claims)), self.anchors[members])
+            own = np.zeros(len(self.claims), bool)
+            own[self.anchors[members]] = True
             belongs = (votes - own >= 0.5 * (len(members) - own)) & ~taken
             rows = np.flatnonzero(belongs)
             if len(rows) == 0:

@@ -19,13 +19,8 @@ from wiclosure.backends.least_squares.system import IN_PLANE, OUT_OF_PLANE
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PAIRS_AT_ONCE = 65536  # pairs at once: bounds memory
-SAMPLED_AT_ONCE = 4096  # likewise, of those whose samples are held
 COUNTED = 2000  # closures among which neighbours are counted
-NULL_PAIRS = 2000  # recombined pairs from which the chance to agree is estimated
-DIMENSION_FROM = 20  # of them at least, whose distances say in how many dimensions
-DIMENSION_SHARE = 0.02  # of them
 ROUNDING = 1e-9  # of what is zero
-NEAREST = 5  # of them, whose distance says how densely chance fills the space around agreement
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +51,6 @@ class Claims:
         """The closures at `rows`."""
         return Claims(*(a[rows] for a in self._arrays()))
 
-    def recombined(self, rows: IntArray, others: IntArray) -> Claims:
-        """Closures that nobody measured: first end and measurement of `rows (M,)`, second end of `others (M,)`."""
-        measured = self.T_a_b[rows], self.covariance[rows]
-        ends = self.wander_a[rows], self.wander_b[others]
-        return Claims(self.T_A_a[rows], self.T_B_b[others], *measured, *ends, known_flat=self.flat or None)
-
     @cached_property
     def frames(self) -> FloatArray:
         """`T_A_B (N, 4, 4)` as each closure has it."""
@@ -77,10 +66,11 @@ class Claims:
         """Whether ends and measurements stay in the plane, and errors there are independent of those out of it."""
         if self.known_flat is not None:
             return self.known_flat
-        ends, coupled = (self.wander_a, self.wander_b), self.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE]
-        out = sum(float(np.abs(of_end[:, OUT_OF_PLANE]).max(initial=0.0)) for of_end in ends)
-        apart = out + float(np.abs(coupled).max(initial=0.0)) < ROUNDING
-        return apart and degrees_of_freedom(self.T_A_a, self.T_B_b, self.T_a_b) == len(IN_PLANE)
+        coupled = np.abs(self.covariance[:, IN_PLANE[:, None], OUT_OF_PLANE]).max(initial=0.0)
+        if coupled >= ROUNDING or degrees_of_freedom(self.T_A_a, self.T_B_b, self.T_a_b) != len(IN_PLANE):
+            return False
+        out = sum(np.abs(of_end[:, OUT_OF_PLANE]).max(initial=0.0) for of_end in (self.wander_a, self.wander_b))
+        return bool(out + coupled < ROUNDING)
 
     @property
     def free(self) -> IntArray:
@@ -95,12 +85,24 @@ class Claims:
     @cached_property
     def free_wander(self) -> FloatArray:
         """Samples `(N, K, S)` of the errors of `frames` by the ends' poses, as errors in B; scaled to covariance."""
-        free, samples = self.free, self.wander_a.shape[2]
-        to_B = se3.adjoint(se3.inverse(self.frames))[:, free[:, None], free]
-        both = to_B @ self.wander_a[:, free] - self.wander_b[:, free]
-        return np.asarray(
-            both / np.sqrt(max(samples - DEGREES - 1, 1))
-        )  # the inverse of a sampled covariance is larger
+        free, (of_a, of_b) = self.free, self.free_of_ends
+        both = se3.adjoint(se3.inverse(self.frames))[:, free[:, None], free] @ of_a
+        both -= of_b
+        both /= np.sqrt(self.samples)
+        return np.asarray(both)
+
+    @property
+    def free_of_ends(self) -> tuple[FloatArray, FloatArray]:
+        """Samples `(N, K, S)` of the errors of the ends' poses."""
+        free = self.free
+        if len(free) == DEGREES:
+            return self.wander_a, self.wander_b
+        return self.wander_a[:, free], self.wander_b[:, free]
+
+    @property
+    def samples(self) -> int:
+        """By which sums over them are divided: the inverse of a sampled covariance is larger."""
+        return int(max(self.wander_a.shape[2] - DEGREES - 1, 1))
 
     @property
     def wander(self) -> FloatArray:
@@ -160,18 +162,6 @@ class Claims:
         found[rows[:, None] == others] = 0.0
         return found
 
-    def pair_distances(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Squared Mahalanobis distances `(P,)` between the frames at `one` and those at `other`."""
-        found, free = np.empty(len(one)), self.free
-        noise = self.noise[:, free[:, None], free]
-        for start in range(0, len(one), SAMPLED_AT_ONCE):
-            i, j = one[start : start + SAMPLED_AT_ONCE], other[start : start + SAMPLED_AT_ONCE]
-            apart = self.free_wander[j] - self.free_wander[i]
-            covariance = noise[i] + noise[j] + apart @ np.swapaxes(apart, 1, 2)
-            error = se3.log(se3.between(self.frames[i], self.frames[j]))[:, free]
-            found[start : start + SAMPLED_AT_ONCE] = mahalanobis_squared(error, covariance)
-        return found
-
     def neighbours(self, limit: float) -> IntArray:
         """`(N,)` how many closures may lie within a squared distance of `limit`: bounded from above, at little cost."""
         counted = np.unique(np.linspace(0, len(self) - 1, min(COUNTED, len(self))).round().astype(np.int64))
@@ -200,57 +190,5 @@ class Claims:
             & (angles**2 <= limit * (turn[rows, None] + turn[others]))
         )
 
-    def chance_distances(self, most: int = NULL_PAIRS) -> FloatArray:
-        """Sorted squared distances `(M,)` between closures recombined of those given: what unrelated ones would have.
-
-        Ends and measurements are drawn anew and independently, so that places, lengths and directions are those of the
-        closures themselves, however few or structured, and no agreement among true ones is left.
-        """
-        n = len(self)
-        rng = np.random.default_rng(n)  # the same for the same closures
-        wanted = min(most, 4 * n**2)  # of few closures there are no more to recombine
-        first, first_end, second, second_end = rng.integers(0, n, (4, 3 * wanted))
-        unrelated = (first != first_end) & (second != second_end) & (first != second) & (first_end != second_end)
-        chosen = np.flatnonzero(unrelated)[:wanted]
-        ones, others = (first * n + first_end)[chosen], (second * n + second_end)[chosen]
-        made, place = np.unique(np.concatenate([ones, others]), return_inverse=True)  # of few closures, each many times
-        unrelated, one, other = self.recombined(made // n, made % n), place[: len(chosen)], place[len(chosen) :]
-        return np.sort(unrelated.pair_distances(one, other))
-
     def _arrays(self) -> tuple[FloatArray, ...]:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
-
-
-def chance_to_agree(distances: FloatArray, limit: float, closures: int, degrees: int = DEGREES) -> float:
-    """Probability that two unrelated closures lie within `limit` of each other.
-
-    The share of recombined pairs that do; where they are too few to count, the share within the distance of the
-    nearest ones, scaled down with the volume of the ellipsoid (a nearest-neighbour density estimate).
-
-    Args:
-        distances: sorted, from `Claims.chance_distances`.
-        limit: squared distance.
-        closures: how many the recombined ones are made of: pairs are no more independent than these allow.
-        degrees: of freedom.
-    """
-    if not len(distances):
-        return 1.0
-    independent = min(len(distances), max(1, closures * (closures - 1) // 2))
-    nearest = max(1, round(NEAREST * len(distances) / independent)) if independent < len(distances) else NEAREST
-    rank = int(np.searchsorted(distances, limit, side="right"))
-    nearest = min(nearest, len(distances))
-    if rank >= nearest:
-        return min(1.0, rank / len(distances))
-    near = distances[: round(max(DIMENSION_FROM / independent, DIMENSION_SHARE) * len(distances))]
-    exponent = degrees / 2 if independent < 2 * DIMENSION_FROM else min(degrees / 2, _growth(near))
-    return float(min(1.0, nearest / len(distances) * (limit / distances[nearest - 1]) ** exponent))
-
-
-def _growth(distances: FloatArray) -> float:
-    """Power of the squared distance with which the number of neighbours grows: half the dimension that they fill.
-
-    Ground robots hardly roll or pitch: unrelated frames fill fewer than six dimensions (Levina and Bickel, NIPS 2004).
-    """
-    logarithms = np.log(np.maximum(distances, np.finfo(float).tiny))  # closures given twice are no distance apart
-    ratios = logarithms[-1] - logarithms[:-1]
-    return float(1.0 / max(float(ratios.mean()), 1e-9))

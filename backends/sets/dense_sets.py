@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.types import BoolArray, IntArray
+from wiclosure.types import BoolArray, FloatArray, IntArray
 
 ROUNDS = 20
 SEEDS = 5  # best connected closures from which a set is grown
@@ -22,35 +22,34 @@ def dense_sets(agree: BoolArray, most: int) -> list[IntArray]:
         agree: `(N, N)` symmetric.
         most: number of sets.
     """
-    left, found = np.ones(len(agree), bool), []
+    counted, found = agree.astype(float), []  # BLAS counts votes, which are whole numbers
+    np.fill_diagonal(counted, 0.0)
     for _ in range(most):
-        members = _grown(agree & left & left[:, None])
+        members = _grown(counted)
         if len(members) < 1:
             break
         found.append(members)
-        left[members] = False
+        counted[members], counted[:, members] = 0.0, 0.0
     return found
 
 
-def _grown(agree: BoolArray) -> IntArray:
+def _grown(agree: FloatArray) -> IntArray:
     """The largest of the sets grown from the closures that agree with most others."""
-    agree = agree.copy()
-    np.fill_diagonal(agree, False)
     degree = agree.sum(axis=1)
     best = np.zeros(0, np.int64)
     if not degree.any():
         return best
     for seed in np.argsort(-degree, kind="stable")[:SEEDS]:
-        members = _settled(agree, agree[seed] | (np.arange(len(agree)) == seed))
+        members = _settled(agree, (agree[seed] > 0) | (np.arange(len(agree)) == seed))
         if members.sum() > len(best):
             best = np.flatnonzero(members)
     return best
 
 
-def _settled(agree: BoolArray, members: BoolArray) -> BoolArray:
+def _settled(agree: FloatArray, members: BoolArray) -> BoolArray:
     """Members voted in and out until nothing changes."""
     for _ in range(ROUNDS):
-        votes = agree[:, members].sum(axis=1)
+        votes = agree @ members.astype(float)
         voters = members.sum() - members  # nobody votes on itself
         new = votes >= 0.5 * voters
         new &= votes > 0

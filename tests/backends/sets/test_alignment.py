@@ -7,7 +7,8 @@ from scipy.stats import binom, chi2
 from wiclosure import se3
 from wiclosure.backends.sets import alignment
 from wiclosure.backends.sets.alignment import FEW, ClosureComparison, log_expected
-from wiclosure.backends.sets.claims import Claims, chance_to_agree
+from wiclosure.backends.sets.chance import chance_distances, chance_to_agree
+from wiclosure.backends.sets.claims import Claims
 
 SIGMA = np.repeat([0.01, 0.1], 3)
 LIMIT = float(chi2.ppf(0.99, 6))
@@ -74,7 +75,7 @@ def test_the_chance_is_told_when_it_is_asked_for():
     comparison = compared(np.random.default_rng(0), (6,), unrelated=20, noise=0.3)
     largest = comparison.consistent_sets(LIMIT)[0]
     assert "recombined" not in vars(comparison)
-    p = chance_to_agree(comparison.claims.chance_distances(), LIMIT, 26, comparison.claims.degrees)
+    p = chance_to_agree(chance_distances(comparison.claims), LIMIT, 26, comparison.claims.degrees)
     assert largest.log_chance == log_expected(len(largest), 26, p)
 
 
