@@ -17,7 +17,7 @@ def optimize(
         list[Path],
         typer.Argument(
             metavar="GRAPH...",
-            help="pose graphs, one or several files: g2o, Toro (.xz or .gz too), JSON Robot Log (.jrl)",
+            help="pose graphs, one or several files: g2o, Toro (.xz, .gz, .bz2, .zst too), JSON Robot Log (.jrl)",
         ),
     ],
     *,
