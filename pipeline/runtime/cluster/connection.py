@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wiclosure.errors import ConfigError
-from wiclosure.pipeline.runtime.cluster.failures import LOCAL
+from wiclosure.pipeline.runtime.cluster.failures import LOCAL, asking
 from wiclosure.pipeline.runtime.cluster.tasks import Cluster
 from wiclosure.pipeline.runtime.cluster.versions import VersionsOf, versions
 from wiclosure.pipeline.runtime.processes import interrupts_ignored
@@ -63,6 +63,7 @@ def cluster(address: str, tls: TlsFiles | None = None) -> Iterator[Cluster]:
 
     Raises:
         ConfigError: dask is not installed, nobody answers, there are no workers, or their code or libraries differ.
+        ProcessError: the scheduler went meanwhile.
     """
     try:
         import distributed
@@ -78,12 +79,15 @@ def cluster(address: str, tls: TlsFiles | None = None) -> Iterator[Cluster]:
         else:
             client = _connected(address, tls)
             open_until_then.callback(client.close)
-        try:
-            client.wait_for_workers(1, timeout=_START_S)
-        except (TimeoutError, distributed.TimeoutError):
-            raise ConfigError(f"the scheduler at {address} has no workers; start some: dask worker {address}") from None
-        _require_alike(client.run(versions, on_error="return"))
-        workers = Cluster(client, address)
+        with asking(address):
+            try:
+                client.wait_for_workers(1, timeout=_START_S)
+            except (TimeoutError, distributed.TimeoutError):
+                raise ConfigError(
+                    f"the scheduler at {address} has no workers; start some: dask worker {address}"
+                ) from None
+            _require_alike(client.run(versions, on_error="return"))
+            workers = Cluster(client, address)
         open_until_then.callback(workers.leave)
         yield workers
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from wiclosure.errors import ProcessError
 
@@ -47,6 +49,21 @@ def lost(address: str) -> ProcessError:
     return ProcessError(
         f"the scheduler at {address} is gone; finished stages are kept: start it, and run the same again"
     )
+
+
+@contextmanager
+def asking(address: str) -> Iterator[None]:
+    """Around what a client asks the scheduler: it may be gone before the client has noticed.
+
+    Raises:
+        ProcessError: it is.
+    """
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (OSError, ClosedClientError):
+        raise lost(address) from None
 
 
 def deadly(work: str, workers: int) -> ProcessError:

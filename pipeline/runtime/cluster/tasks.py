@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
-from wiclosure.pipeline.runtime.cluster.failures import Absence, abandoned, deadly, lost
+from wiclosure.pipeline.runtime.cluster.failures import Absence, abandoned, asking, deadly, lost
 from wiclosure.pipeline.runtime.cluster.task import done
 from wiclosure.pipeline.runtime.processes import AHEAD
 from wiclosure.workers import WorkCosts
@@ -58,10 +58,8 @@ class Cluster:
 
     def _threads(self) -> int:
         self._require_scheduler()
-        try:
+        with asking(self._address):
             return int(sum(self._client.nthreads().values()))
-        except OSError:  # it went before the client noticed
-            raise lost(self._address) from None
 
     def leave(self) -> None:
         """Asks for no more news, before the client closes: the scheduler would complain of it that it is gone."""
@@ -105,7 +103,8 @@ class Cluster:
     def _mailbox(self) -> Iterator[tuple[str, SimpleQueue[Any]]]:
         """Takes futures that are done, news of one call, and of workers that come and go; and the topic of the news."""
         topic, mailbox = f"wiclosure-{uuid4().hex}", SimpleQueue[Any]()
-        self._client.subscribe_topic(topic, lambda event: mailbox.put(event[1]))
+        with asking(self._address):
+            self._client.subscribe_topic(topic, lambda event: mailbox.put(event[1]))
         self._mailboxes.append(mailbox)
         try:
             yield topic, mailbox
@@ -135,7 +134,8 @@ class Cluster:
         packed = pickle.dumps((work, item), protocol=5)
         self.costs.bytes_moved += len(packed)
         # Of tasks that are waiting the earlier ones come first.
-        future = self._client.submit(done, packed, topic, pure=False, priority=-number)
+        with asking(self._address):
+            future = self._client.submit(done, packed, topic, pure=False, priority=-number)
         future.add_done_callback(mailbox.put)
         return future
 

@@ -15,6 +15,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
+from unittest.mock import Mock
 
 import pytest
 
@@ -209,6 +210,25 @@ def test_nobody_there_is_one_line(labour: ModuleType, monkeypatch: pytest.Monkey
         cluster("tcp://127.0.0.1:1"),
     ):
         pass
+
+
+@pytest.mark.parametrize("going", ["wait_for_workers", "run", "subscribe_topic"])
+def test_a_scheduler_that_goes_while_one_connects_is_lost(monkeypatch: pytest.MonkeyPatch, going: str) -> None:
+    pytest.importorskip("distributed")
+    gone = Mock(
+        status="running", **{f"{going}.side_effect": ConnectionResetError(104, "reset"), "run.return_value": {}}
+    )
+    monkeypatch.setattr("wiclosure.pipeline.runtime.cluster.connection._connected", lambda *_: gone)
+    with pytest.raises(ProcessError, match=r"the scheduler at tcp://here:1 is gone"), cluster("tcp://here:1"):
+        pass
+    gone.close.assert_called_once()
+
+
+def test_a_client_that_closes_between_two_tasks_has_lost_its_scheduler() -> None:
+    closed = pytest.importorskip("distributed.client").ClosedClientError
+    client = Mock(status="running", **{"submit.side_effect": closed("closed"), "nthreads.return_value": {"a": 1}})
+    with pytest.raises(ProcessError, match=r"the scheduler at tcp://here:1 is gone"):
+        list(Cluster(client, "tcp://here:1").each(str, range(3)))
 
 
 def test_tls_files_are_three_and_there(tmp_path: Path) -> None:
