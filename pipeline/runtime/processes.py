@@ -14,6 +14,7 @@ from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
 from threading import Thread
 from typing import Any, TypeVar
+from weakref import finalize
 
 from wiclosure.blas import one_blas_thread_from_here
 from wiclosure.errors import ProcessError
@@ -86,6 +87,8 @@ class _Pool:
             self._unwanted, self._others = fresh.Event(), set(active_children())
         begun_with = (self._unwanted, self._news)
         self._executor = ProcessPoolExecutor(count, mp_context=fresh, initializer=_begin, initargs=begun_with)
+        # Waits for one that is still starting: the semaphores that it was given last as long as the executor.
+        finalize(self, self._executor.shutdown)
 
     def submitted(self, work: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
         """Starts a process for it where all are at work and there may be more.
