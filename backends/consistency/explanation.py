@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from wiclosure.backends.consistency.merging import MergedGroups, cost_of_rejected
 from wiclosure.backends.consistency.vague_odometry import merge_told
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.sets.candidate_sets import SATURATED
+from wiclosure.backends.sets.known_comparisons import KnownComparisons
 from wiclosure.backends.sets.merge_settings import MergeSettings
 
 
@@ -20,21 +21,24 @@ class Explanation:
         robots: the team.
         merged: what came of it.
         nodes: those before which robots are cut, of the uncut team.
+        known: comparisons of closures between its robots.
     """
 
     robots: Robots
     merged: MergedGroups
     nodes: tuple[int, ...] = ()
+    known: KnownComparisons = field(default_factory=KnownComparisons)
 
     @classmethod
     def of(cls, robots: Robots, settings: MergeSettings) -> Explanation:
         """With no robot cut."""
-        return cls(robots, merge_told(robots, settings))
+        known = KnownComparisons()
+        return cls(robots, merge_told(robots, settings, known), known=known)
 
     def cut(self, node: int, settings: MergeSettings) -> Explanation:
         """With one cut more."""
-        robots = self.robots.cut(node)
-        return Explanation(robots, merge_told(robots, settings), (*self.nodes, node))
+        robots, known = self.robots.cut(node), KnownComparisons(self.known)
+        return Explanation(robots, merge_told(robots, settings, known), (*self.nodes, node), known)
 
     @cached_property
     def restated(self) -> Robots:

@@ -21,7 +21,9 @@ from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.variance_components import CONVERGED, VarianceComponents, separate_factors
 from wiclosure.backends.sets import sigma_scale
+from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.candidate_sets import CandidateSet
+from wiclosure.backends.sets.known_comparisons import KnownComparisons
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.pair_sets import pairs_of_groups, places_of_groups, sets_between, stands
 from wiclosure.types import BoolArray, FloatArray, IntArray
@@ -80,32 +82,38 @@ def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
     return outlier_limit(len(robots.loops), settings.probability, robots.degrees)
 
 
-def merge_groups(robots: Robots, settings: MergeSettings) -> MergedGroups:
-    """Joins robots until nothing joins any more, with the scale of sigma that fits what is found."""
+def merge_groups(robots: Robots, settings: MergeSettings, known: KnownComparisons | None = None) -> MergedGroups:
+    """Joins robots until nothing joins any more, with the scale of sigma that fits what is found.
+
+    Args:
+        robots: the team.
+        settings: of the merge.
+        known: comparisons between robots that are as they are here.
+    """
     if settings.most_scale <= 1:
-        return _merged(robots, settings, OwnLoops(robots, settings), 1.0)
+        return _merged(robots, settings, OwnLoops(robots, settings, known), 1.0)
     of_odometry = odometry_factors(robots, settings)
     robots = robots.loosened(of_odometry)
-    merged = _under_one_factor(robots, settings)
+    merged = _under_one_factor(robots, settings, OwnLoops(robots, settings, known, of_odometry))
     for _ in range(SEPARATIONS):
         factors = _separated(robots, settings, merged)
         if factors is None:
             break
         restated = robots.scaled(factors)
-        merged = _under_one_factor(restated, settings.after(factors))
+        after = settings.after(factors)
+        merged = _under_one_factor(restated, after, OwnLoops(restated, after))
         merged.factors = merged.factors * factors
     merged.odometry_factors = of_odometry
     return merged
 
 
-def _under_one_factor(robots: Robots, settings: MergeSettings) -> MergedGroups:
+def _under_one_factor(robots: Robots, settings: MergeSettings, own: OwnLoops) -> MergedGroups:
     """By the factor that own loops ask for, then by those that what each leaves asks for, as long as they go one way.
 
     Where most own loops are false, the first may be far too large: some of them are accepted and strain the others, so
     that residuals are far apart.  What most of these ask for is taken where that costs less.
     """
-    own, before = OwnLoops(robots, settings), 0.0
-    scale = scale_of(robots, settings, own)
+    scale, before = scale_of(robots, settings, own), 0.0
     merged = _merged(robots, settings, own, scale)
     if sigma_scale.far_apart(merged.settled.redundant, robots.degrees):
         finer = allowed(scale * sigma_scale.of_most(merged.settled.redundant, robots.degrees), settings)
@@ -144,7 +152,14 @@ def _merged(robots: Robots, settings: MergeSettings, own: OwnLoops, scale: float
     while True:
         places = places_of_groups(robots, group, settled)
         pairs = [rows[~torn[rows]] for rows in pairs_of_groups(robots, group) if not torn[rows].all()]
-        candidates = [c for rows in pairs for c in sets_between(robots, rows, group, settled, settings)]
+        known: list[ClosureComparison | None] = [None] * len(pairs)
+        if of_robots is None:
+            known = [own.comparison(rows, scale, scale, settings.agree_limit) for rows in pairs]
+        candidates = [
+            c
+            for rows, compared in zip(pairs, known, strict=True)
+            for c in sets_between(robots, rows, group, settled, settings, compared)
+        ]
         settle_cycles(candidates, places, settings.agree_limit, settings.ambiguous_share)
         of_robots = candidates if of_robots is None else of_robots
         holding = strongest(candidates, settings.ambiguous_share)

@@ -12,17 +12,36 @@ from wiclosure.backends.least_squares.graduated import graduated
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
 from wiclosure.backends.least_squares.system import System
+from wiclosure.backends.sets.alignment import ClosureComparison
+from wiclosure.backends.sets.known_comparisons import KnownComparisons, key_of_pair
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.types import BoolArray, FloatArray
+from wiclosure.backends.sets.pair_sets import claims_between
+from wiclosure.types import BoolArray, FloatArray, IntArray
 
 PROBABILITY = 0.99  # that no residual of a right estimate makes another start be tried
 
 
 class OwnLoops:
-    """Each robot by its own loops, with all standard deviations so many times as large as stated."""
+    """Each robot by its own loops, with all standard deviations so many times as large as stated.
 
-    def __init__(self, robots: Robots, settings: MergeSettings) -> None:
+    Args:
+        robots: the team.
+        settings: of the merge.
+        known: comparisons of closures between robots, where some may be known.
+        odometry_factors: `(R,)` that the standard deviations of each robot's odometry were loosened by.
+    """
+
+    def __init__(
+        self,
+        robots: Robots,
+        settings: MergeSettings,
+        known: KnownComparisons | None = None,
+        odometry_factors: FloatArray | None = None,
+    ) -> None:
         self.robots, self.settings = robots, settings
+        self.known = known or KnownComparisons()
+        self.odometry_factors = np.ones(robots.count) if odometry_factors is None else odometry_factors
+        self.scaled = lru_cache(2)(robots.scaled)
         self.limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
         self.inliers = lru_cache(2)(self._inliers)  # the scale that is decided on is asked for again
         self._trusted = lru_cache(2)(self._told_trusted)
@@ -36,23 +55,46 @@ class OwnLoops:
         """How many loops lie where an estimate predicts them, with so many times its standard deviations."""
         return int((settled.distance[self.robots.own] <= times**2 * self.limit).sum())
 
+    def comparison(self, rows: IntArray, scale: float, units: float, beyond: float) -> ClosureComparison:
+        """All closures between two robots, compared.
+
+        Args:
+            rows: the closures.
+            scale: of the standard deviations under which inliers within the robots are chosen.
+            units: of those that the distances are told by.
+            beyond: squared distance up to which these are exact.
+        """
+        by_all = self._trusted(scale) is None and self._all_fit(scale)  # the same estimate whatever the scale
+        key = key_of_pair(self.robots, rows, self.odometry_factors), units, None if by_all else scale
+
+        def compare() -> ClosureComparison:
+            settled = self.inliers(scale).scaled(units / scale)
+            claims = claims_between(self.scaled(units), rows, np.arange(self.robots.count), settled)
+            return ClosureComparison.of(claims, beyond)
+
+        return self.known.of(key, beyond, compare)
+
+    def _all_fit(self, scale: float) -> bool:
+        """Whether none contradicts the others."""
+        return not (self._everything.distance[self.robots.own] / scale**2 > self.limit).any()
+
     @cached_property
     def _everything(self) -> Settled:
         return by_all_own_loops(self.robots)
 
     def _inliers(self, scale: float) -> Settled:
         """By those that agree: all of them, where none contradicts the others."""
-        robots, trusted = self.robots.scaled(scale), self._trusted(scale)
+        robots, trusted = self.scaled(scale), self._trusted(scale)
         if trusted is not None:
             return self._grown(robots, trusted)
         everything = self._everything.scaled(scale)
-        if not (everything.distance[robots.own] > self.limit).any():
+        if self._all_fit(scale):
             return everything
         return self._among(robots, robots.own, [everything.poses, robots.poses])
 
     def _told_trusted(self, scale: float) -> BoolArray | None:
         """Loops `(M,)` that neighbours support; None where odometry refutes no other."""
-        robots = self.robots.scaled(scale)
+        robots = self.scaled(scale)
         of = OwnClaims.of(robots)
         refuted = of.refuted(self.limit)
         if not refuted.any():

@@ -8,9 +8,8 @@ from wiclosure.backends.consistency.own_loops import OwnLoops
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
 from wiclosure.backends.sets import sigma_scale
-from wiclosure.backends.sets.alignment import ClosureComparison
 from wiclosure.backends.sets.merge_settings import MergeSettings
-from wiclosure.backends.sets.pair_sets import claims_between, pairs_of_groups
+from wiclosure.backends.sets.pair_sets import pairs_of_groups
 
 REFINEMENTS = 4  # of the factor
 TELLING_PAIRS = 50  # of robots, those with most closures, that tell it
@@ -53,10 +52,9 @@ def _fitting(robots: Robots, settings: MergeSettings, own: OwnLoops) -> float:
 
 
 def _of_sets(robots: Robots, settings: MergeSettings, own: OwnLoops) -> float:
-    most, alone = settings.most_scale, np.arange(robots.count)
-    settled, widest = own.inliers(most).scaled(1.0 / most), settings.agree_limit * (2.0 * most) ** 2
-    largest = sorted(pairs_of_groups(robots, alone), key=len, reverse=True)[:TELLING_PAIRS]
-    comparisons = [ClosureComparison.of(claims_between(robots, rows, alone, settled)[0], widest) for rows in largest]
+    most, widest = settings.most_scale, settings.agree_limit * (2.0 * settings.most_scale) ** 2
+    largest = sorted(pairs_of_groups(robots, np.arange(robots.count)), key=len, reverse=True)[:TELLING_PAIRS]
+    comparisons = [own.comparison(rows, most, 1.0, widest) for rows in largest]
     return allowed(sigma_scale.of_sets(comparisons, settings.agree_limit, most), settings)
 
 

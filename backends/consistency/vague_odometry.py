@@ -17,15 +17,22 @@ from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled
 from wiclosure.backends.least_squares.variance_components import CONVERGED, ENOUGH
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
+from wiclosure.backends.sets.known_comparisons import KnownComparisons
 from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.types import FloatArray
 
 ROUNDS = 12
 
 
-def merge_told(robots: Robots, settings: MergeSettings) -> MergedGroups:
-    """The groups; where nothing checks the loops within a robot, with the standard deviations that these tell of."""
-    merged = merge_groups(robots, settings)
+def merge_told(robots: Robots, settings: MergeSettings, known: KnownComparisons) -> MergedGroups:
+    """The groups; where nothing checks the loops within a robot, with the standard deviations that these tell of.
+
+    Args:
+        robots: the team.
+        settings: of the merge.
+        known: comparisons between robots that are as they are here.
+    """
+    merged = merge_groups(robots, settings, known)
     if settings.most_scale <= 1 or not unchecked(robots, merged, settings):
         return merged
     told = _told(robots, settings, merged.scale)

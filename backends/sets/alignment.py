@@ -36,6 +36,7 @@ class ClosureComparison:
     anchors: IntArray
     between_anchors: FloatArray
     _rows: dict[int, FloatArray] = field(default_factory=dict)  # by anchor, its distances from all
+    _sets: dict[tuple[float, int], list[ConsistentSet]] = field(default_factory=dict)  # by what was asked for
 
     @classmethod
     def of(cls, claims: Claims, beyond: float) -> ClosureComparison:
@@ -71,6 +72,11 @@ class ClosureComparison:
             limit: squared distance within which two closures agree.
             most: how many.
         """
+        if (limit, most) not in self._sets:
+            self._sets[limit, most] = self._dense_sets(limit, most)
+        return self._sets[limit, most]
+
+    def _dense_sets(self, limit: float, most: int) -> list[ConsistentSet]:
         found, taken = [], np.zeros(len(self.claims), bool)
         inside = self.between_anchors <= limit
         for members in dense_sets(inside & inside.T, most):
@@ -129,7 +135,7 @@ class ConsistentSet:
         """Closures that the set was found among."""
         return len(self.comparison.claims)
 
-    @property
+    @cached_property
     def log_chance(self) -> float:
         """Logarithm of the expected number of sets as large around one of the closures, were all unrelated."""
         if len(self) < 2:

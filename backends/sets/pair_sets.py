@@ -37,7 +37,7 @@ def pairs_of_groups(robots: Robots, group: IntArray) -> list[IntArray]:
     return np.split(between[order], np.flatnonzero(np.diff(pair)) + 1)
 
 
-def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Settled) -> tuple[Claims, int, int]:
+def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Settled) -> Claims:
     """The closures between two groups, all from the lower to the higher."""
     loops = robots.loops.subset(rows)
     first, second = group[robots.robot[loops.first]], group[robots.robot[loops.second]]
@@ -46,17 +46,20 @@ def claims_between(robots: Robots, rows: IntArray, group: IntArray, settled: Set
     covariance[turned] = se3.inverse_covariance(T[turned], covariance[turned])
     T[turned] = se3.inverse(T[turned])
     a, b = np.where(turned, loops.second, loops.first), np.where(turned, loops.first, loops.second)
-    claims = Claims(settled.poses[a], settled.poses[b], T, covariance, settled.wander[a], settled.wander[b])
-    low, high = sorted((int(first[0]), int(second[0])))
-    return claims, low, high
+    return Claims(settled.poses[a], settled.poses[b], T, covariance, settled.wander[a], settled.wander[b])
 
 
 def sets_between(
-    robots: Robots, rows: IntArray, group: IntArray, settled: Settled, settings: MergeSettings
+    robots: Robots,
+    rows: IntArray,
+    group: IntArray,
+    settled: Settled,
+    settings: MergeSettings,
+    known: ClosureComparison | None = None,
 ) -> list[CandidateSet]:
-    """Sets between two groups, with what speaks against each within the pair."""
-    claims, a, b = claims_between(robots, rows, group, settled)
-    comparison = ClosureComparison.of(claims, settings.agree_limit)
+    """Sets between two groups, with what speaks against each within the pair; the comparison may be known."""
+    comparison = known or ClosureComparison.of(claims_between(robots, rows, group, settled), settings.agree_limit)
+    a, b = sorted(group[robots.robot[robots.loop_ends[:, rows[0]]]].tolist())
     consistent_sets = comparison.consistent_sets(settings.agree_limit)
     found = [CandidateSet(a, b, rows[h.rows], h, comparison) for h in consistent_sets]
     for candidate in found:
@@ -101,14 +104,14 @@ def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Place
 
 def _span(candidate: CandidateSet) -> float:
     """How far apart the closures' ends lie in space on either path, m."""
-    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
-    return max(float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
+    claims, rows = candidate.comparison.claims, candidate.closure_set.rows
+    return max(float(np.linalg.norm(np.ptp(T[rows, :3, 3], axis=0))) for T in (claims.T_A_a, claims.T_B_b))
 
 
 def _views(candidate: CandidateSet, span: float, view_m: float) -> float:
     """The span by how far apart scans still match: as far as a view reaches, or as far as these do."""
-    claims = candidate.comparison.claims.subset(candidate.closure_set.rows)
-    reach = max(float(np.median(np.linalg.norm(claims.T_a_b[:, :3, 3], axis=1))), view_m)
+    T_a_b = candidate.comparison.claims.T_a_b[candidate.closure_set.rows]
+    reach = max(float(np.median(np.linalg.norm(T_a_b[:, :3, 3], axis=1))), view_m)
     return span / max(reach, 1e-9)
 
 
