@@ -77,7 +77,7 @@ class Dataset:
         recording = self.robots[robot]
         try:
             return open_source(
-                recording.scans,
+                recording.scans.absolute(),  # workers elsewhere may have another working folder
                 topic=recording.topic,
                 layout=recording.layout,
                 unit=recording.scan_unit,

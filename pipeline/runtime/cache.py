@@ -43,13 +43,15 @@ def default_cache_folder() -> Path:
     """`WICLOSURE_CACHE`, or `wiclosure` in the user's cache folder.
 
     Raises:
-        ConfigError: the former is a file.
+        ConfigError: the former is a file, or an address.
     """
     named = os.environ.get("WICLOSURE_CACHE")
+    if named and "://" in named:
+        raise ConfigError(f"WICLOSURE_CACHE is {named}, an address; mount it, and name the folder")
     if named and is_file(Path(named)):
         raise ConfigError(f"WICLOSURE_CACHE is {named}, a file; name a folder, or leave the cache out with --no-cache")
     if named:
-        return Path(named)
+        return Path(named).absolute()  # workers elsewhere may have another working folder
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wiclosure"
 
 

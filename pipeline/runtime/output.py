@@ -66,7 +66,7 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """
     require_free(out, overwrite=overwrite)
     try:
-        scratch = unfinished_folder(out.parent)
+        scratch = unfinished_folder(out.parent.absolute())  # workers elsewhere may have another working folder
     except OSError as error:
         raise OutputError(f"{out.parent} cannot be written ({_reason(error)}); choose another --out") from error
     try:

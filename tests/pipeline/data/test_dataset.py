@@ -105,6 +105,15 @@ def test_recordings_named_on_the_command_line(folder: Path) -> None:
     assert list(load_dataset([f"{folder}/alpha.bag", f"{folder}/gamma/"]).robots) == ["alpha", "gamma"]
 
 
+def test_recordings_named_from_here_are_found_by_workers_elsewhere(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    sources = [load_dataset([f"alpha={name}"]).scans("alpha") for name in ("alpha.bag", "beta_bag", "gamma")]
+    monkeypatch.chdir(tmp_path)
+    assert [len(list(source)) for source in sources] == [5, 5, 5]
+
+
 def test_scans_that_stand_twice_are_told(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     write_kitti_folder(folder / "08", [Scan(10**9, np.ones((5, 3)))])
     load_dataset([f"a={folder / '08'}"])

@@ -69,6 +69,18 @@ def test_unwritable_cache_is_no_error(tmp_path: Path) -> None:
     assert Stage(StageCache(tmp_path / "file" / "cache"))(1) == ("result 1", False)
 
 
+def test_a_folder_named_from_here_is_the_same_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("WICLOSURE_CACHE", "kept")
+    assert default_cache_folder() == tmp_path / "kept"
+
+
+def test_an_address_is_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WICLOSURE_CACHE", "s3://bucket/wiclosure")
+    with pytest.raises(ConfigError, match="WICLOSURE_CACHE is s3://bucket/wiclosure, an address; mount it"):
+        default_cache_folder()
+
+
 def test_a_file_in_the_place_of_the_cache_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WICLOSURE_CACHE", str(tmp_path / "cache"))
     assert default_cache_folder() == tmp_path / "cache"

@@ -22,6 +22,15 @@ from wiclosure.pipeline.runtime.output import (
 )
 
 
+def test_what_is_written_aside_is_named_as_workers_elsewhere_find_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with whole_folder(Path("run")) as scratch:
+        assert scratch.is_absolute()
+    assert (tmp_path / "run").is_dir()
+
+
 def test_folder_appears_whole(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "run"
     with whole_folder(out) as scratch:
