@@ -9,6 +9,8 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import FloatArray, Trajectory
 
+MOST_OF_MOTION = 0.5  # that an error may make of it: with more, odometry would tell less of motion than closures deny
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyError:
@@ -31,14 +33,29 @@ class SteadyError:
         return replace(trajectory, poses=poses, finer=_moved_along(trajectory, poses))
 
     @property
-    def sentence(self) -> str:
-        """For the user."""
+    def plausible(self) -> bool:
+        """Whether it leaves odometry more of each metre than it takes: closures of places alike say a robot stood."""
+        return bool(np.linalg.norm(self.per_m[3:]) <= MOST_OF_MOTION)
+
+    @property
+    def size(self) -> str:
+        """In degrees and centimetres of each metre."""
         degrees, cm = np.degrees(np.linalg.norm(self.per_m[:3])), 100.0 * np.linalg.norm(self.per_m[3:])
         parts = [f"{degrees:.2g} degrees"] * bool(degrees) + [f"{cm:.2g} cm"] * bool(cm)
+        return f"{' and '.join(parts)} in each metre"
+
+    @property
+    def doubt(self) -> str:
+        """Where it is not believed, for the user."""
         return (
-            f"the odometry of {self.robot} errs steadily, by {' and '.join(parts)} in each metre: closures tell, and it"
-            " is corrected"
+            f"the map may be wrong: its closures fit far better if the odometry of {self.robot} errs by {self.size},"
+            " which is more than a steady error can be; closures may be false where neighbouring places look alike"
         )
+
+    @property
+    def sentence(self) -> str:
+        """For the user."""
+        return f"the odometry of {self.robot} errs steadily, by {self.size}: closures tell, and it is corrected"
 
 
 def chained(steps: FloatArray) -> FloatArray:

@@ -58,12 +58,14 @@ class DespiteErrors:
         team: arrays, of odometry without steady errors.
         decisions: on closures.
         steady: errors that odometry is corrected by.
+        open_steady: such that would lower the cost, but are larger than odometry errs.
         jumps, open_jumps: `JumpDecisions.believed` and `JumpDecisions.open`.
     """
 
     team: TeamArrays
     decisions: JumpDecisions
     steady: tuple[SteadyError, ...]
+    open_steady: tuple[SteadyError, ...]
     jumps: tuple[OdometryJump, ...]
     open_jumps: tuple[OdometryJump, ...]
 
@@ -79,16 +81,19 @@ def merge_despite_errors(measured: Measured, team: TeamArrays, settings: MergeSe
     as_it_is = _Corrected(team, Explanation.of(team.robots, settings))
     steadied = _without_steady_errors(measured, as_it_is, settings)
     best, decisions = as_it_is, merge_despite_jumps(as_it_is.explanation, settings)
+    too_large: tuple[SteadyError, ...] = ()
     if steadied.steady:
         without = merge_despite_jumps(steadied.explanation, settings)
         if without.cost + cost_of_rejected(team.robots, settings) < decisions.cost:
-            best, decisions = steadied, without
+            too_large = tuple(error for error in steadied.steady if not error.plausible)
+            if not too_large:
+                best, decisions = steadied, without
     odometry = measured.corrected(best.steady)
     jumps, left_open = (
         tuple(OdometryJump.of_team(best.team, jump, odometry) for jump in of)
         for of in (decisions.believed, decisions.open)
     )
-    return DespiteErrors(best.team, decisions, best.steady, jumps, left_open)
+    return DespiteErrors(best.team, decisions, best.steady, too_large, jumps, left_open)
 
 
 @dataclass(frozen=True, eq=False)

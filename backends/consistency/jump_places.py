@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import hypergeom
 
-from wiclosure.backends.consistency.merging import MergedGroups
+from wiclosure.backends.consistency.explanation import Explanation
+from wiclosure.backends.consistency.merging import MergedGroups, settled_within
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import outlier_limit
 from wiclosure.backends.sets.candidate_sets import EXPECTED_BY_CHANCE
@@ -49,6 +52,33 @@ def most_strained(robots: Robots, merged: MergedGroups, nodes: IntArray) -> int 
     return node if robots.steps_across(node).sum() == 1 else None
 
 
+def bending_most(found: Explanation, settings: MergeSettings) -> list[tuple[Explanation, int]]:
+    """The node to which odometry's step bends the estimate most, and what follows without it; none if not by much.
+
+    By more than taking one look-alike place for true costs.  By the same closures: if the robot were cut there, those
+    of its parts might hold these too loosely to be accepted anew.
+    """
+    robots, merged = found.robots, found.merged
+    strain = merged.settled.strain
+    if strain.max(initial=0.0) <= found.one_place(settings):
+        return []
+    node = int(robots.odometry.second[np.argmax(strain)])
+    if robots.steps_across(node).sum() != 1:
+        return []
+    group = _group_of_parts(robots, merged, node)
+    apart = merged.restated(robots).cut(node)
+    settled = settled_within(apart, group, merged.inlier, merged.settled.poses, np.inf)
+    without = replace(merged, group=group, settled=settled)
+    return [(Explanation(robots.cut(node), without, (*found.nodes, node)), node)]
+
+
+def _group_of_parts(robots: Robots, merged: MergedGroups, node: int) -> IntArray:
+    """Of each robot, with that of the node cut there; numbers of groups are those of their robots."""
+    part = int(robots.robot[node])
+    group = np.insert(merged.group, part + 1, merged.group[part])
+    return np.where(group > part, group + 1, group)
+
+
 def _chances_of_splits(robots: Robots, merged: MergedGroups, robot: int) -> tuple[FloatArray, IntArray]:
     """By node from which on a robot could be cut: that chance parts rejected closures from others so, of all nodes.
 
@@ -84,10 +114,8 @@ def _by_own_loops(robots: Robots, merged: MergedGroups, of_part: IntArray, split
 
 def _set_holds(robots: Robots, merged: MergedGroups, node: int, settings: MergeSettings) -> bool:
     """Whether, with a cut there, rejected closures of either part make a set that holds by itself."""
-    part = int(robots.robot[node])
+    part, group = int(robots.robot[node]), _group_of_parts(robots, merged, node)
     robots = robots.cut(node)
-    group = np.insert(merged.group, part + 1, merged.group[part])
-    group = np.where(group > part, group + 1, group)  # numbers of groups are those of their robots
     for alone in (part, part + 1):
         apart = group.copy()
         apart[alone] = robots.count

@@ -15,7 +15,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.backends.consistency.explanation import Explanation
-from wiclosure.backends.consistency.jump_places import most_strained, place_to_cut
+from wiclosure.backends.consistency.jump_places import bending_most, most_strained, place_to_cut
 from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.consistency.step_witnesses import step_confirmed
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
@@ -47,7 +47,7 @@ class JumpDecisions:
         merged: of the uncut team.
         cost: of the explanation, parts of robots that were cut taken apart.
         believed: jumps.
-        open: one that would explain what closures say, of which nothing tells whether it is that or false closures.
+        open: those that would explain what closures say, of which nothing tells whether it is that or false closures.
     """
 
     merged: MergedGroups
@@ -67,6 +67,7 @@ def merge_despite_jumps(found: Explanation, settings: MergeSettings) -> JumpDeci
         found = better
     merged = _of_whole_robots(robots, found) if found.nodes else found.merged
     left = [(p.explanation, node) for p in proposals[:1] for node in p.explanation.nodes if node not in found.nodes]
+    left = left or bending_most(found, settings)
     return JumpDecisions(
         merged,
         found.cost(settings),

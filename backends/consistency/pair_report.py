@@ -18,8 +18,8 @@ class PairConsistency:
         proven: false if the time ran out before a larger set was excluded.
         ambiguous: that set is nearly as large, so that neither is accepted.
         sentence: the same for the user.
-        rival: size of the largest set that contradicts what is accepted and is at least half as large, where nothing
-            refutes it; 0 without one.
+        rival: size of the largest set that contradicts what is accepted and is at least half as strong
+            (`CandidateSet.strength`), where nothing else speaks against it; 0 without one.
     """
 
     robot_a: str
@@ -44,3 +44,12 @@ class PairConsistency:
             f" accepted, but {self.rival} others agree as well and contradict them, as where places look alike; nothing"
             " tells which are true"
         )
+
+
+def doubt_of_neighbours(robot_a: str, robot_b: str) -> str:
+    """That closures are accepted which contradict their neighbours, for the user."""
+    where = f"within {robot_a}" if robot_a == robot_b else f"between {robot_a} and {robot_b}"
+    return (
+        f"the map may be wrong: closures {where} are accepted that contradict neighbouring ones far more than others"
+        " do, as where places look alike; nothing tells which are true"
+    )

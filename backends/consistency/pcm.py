@@ -13,7 +13,8 @@ from wiclosure.backends.config import PcmSettings
 from wiclosure.backends.consistency.clique import chi_square_limit, largest_clique
 from wiclosure.backends.consistency.despite_errors import Measured, merge_despite_errors
 from wiclosure.backends.consistency.merging import MergedGroups
-from wiclosure.backends.consistency.pair_report import PairConsistency
+from wiclosure.backends.consistency.neighbouring_closures import robots_in_contradiction
+from wiclosure.backends.consistency.pair_report import PairConsistency, doubt_of_neighbours
 from wiclosure.backends.consistency.unchecked_loops import unchecked
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.odometry_jump import OdometryJump
@@ -39,6 +40,8 @@ class PcmResult:
         jumps: steps of odometry that closures contradict, which are not believed.
         open_jumps: those that would explain what closures say as well as false closures do; odometry is believed.
         steady_errors: of odometry, which closures tell of; it is corrected.
+        open_steady_errors: those that would explain what closures say, but are larger than odometry errs.
+        contradictory: two robots, or one twice, between which accepted closures contradict their neighbours.
         unchecked: share of loops at any places that would be accepted within a robot, by robot of which that is most.
     """
 
@@ -49,6 +52,8 @@ class PcmResult:
     jumps: tuple[OdometryJump, ...] = ()
     open_jumps: tuple[OdometryJump, ...] = ()
     steady_errors: tuple[SteadyError, ...] = ()
+    open_steady_errors: tuple[SteadyError, ...] = ()
+    contradictory: tuple[str, str] | None = None
     unchecked: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -73,13 +78,16 @@ class PcmResult:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Sentences for sets of closures that contradict each other, one accepted, jumps, loops that nothing checks."""
-        of_pairs = tuple(pair.doubt for pair in self.pairs if pair.doubt)
+        of_pairs = [pair.doubt for pair in self.pairs if pair.doubt]
+        if self.contradictory:
+            of_pairs.append(doubt_of_neighbours(*self.contradictory))
         of_loops = tuple(
             f"{robot}: the map may be wrong: closures within its path are accepted, but its odometry is taken so"
             f" vaguely that {share:.0%} of false ones would be too; state its covariances"
             for robot, share in self.unchecked.items()
         )
-        return (*of_pairs, *(jump.doubt for jump in self.open_jumps), *of_loops)
+        of_jumps, of_steady = ([error.doubt for error in of] for of in (self.open_jumps, self.open_steady_errors))
+        return (*of_pairs, *of_jumps, *of_steady, *of_loops)
 
     @property
     def in_doubt(self) -> set[tuple[str, str]]:
@@ -175,8 +183,9 @@ def pairwise_consistent(
         of_pair_sets[candidate.a, candidate.b].append(candidate)
     reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions, merged.inlier) for z in sets)
     vague = {team.names[robot]: share for robot, share in unchecked(team.robots, merged, of_merge).items()}
-    basis, errors = (team, merged), (despite.jumps, despite.open_jumps, despite.steady)
-    return PcmResult(tuple(checked), reports, merged.scale, basis, *errors, vague)
+    contradictory = robots_in_contradiction(team, merged, despite.decisions.believed)
+    basis, errors = (team, merged), (despite.jumps, despite.open_jumps, despite.steady, despite.open_steady)
+    return PcmResult(tuple(checked), reports, merged.scale, basis, *errors, contradictory, vague)
 
 
 def merge_settings(settings: PcmSettings, degrees: int = 6) -> MergeSettings:
@@ -204,8 +213,7 @@ def _report(
     """Of one pair of robots, or of one robot, from the sets found there, largest first."""
     sizes = [*map(len, found), 0, 0]
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
-    left_out = [int(np.count_nonzero(~inlier[c.rows])) for c in found if c.objection]  # others were accepted later
-    rival = max((n for n in left_out if kept and 2 * n >= kept), default=0)
+    rival = _rival(found, inlier) if kept else 0
     objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
         said = f"{kept} of {len(closure_set)} closures agree and are accepted"
@@ -218,6 +226,16 @@ def _report(
         closure_set.robot_a, closure_set.robot_b, len(closure_set), kept, sizes[0], sizes[1], proven=True,
         ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}", rival=rival if rival > _ONE_PLACE else 0,
     )  # fmt: skip
+
+
+def _rival(found: Sequence[CandidateSet], inlier: BoolArray) -> int:
+    """Closures left out of the largest set that nothing but those accepted speaks against, and that is half as strong.
+
+    Not half as many: along a stretch that looks like another, any number agrees.
+    """
+    accepted = max((c.strength for c in found if 2 * np.count_nonzero(inlier[c.rows]) > len(c)), default=0.0)
+    rivals = [c for c in found if c.rivalled and not c.refutation and 2.0 * c.strength >= accepted > 0.0]
+    return max((int(np.count_nonzero(~inlier[c.rows])) for c in rivals), default=0)
 
 
 def _with_support(

@@ -44,6 +44,7 @@ class CandidateSet:
         closure_set, comparison: from `alignment`.
         objection: why the pair alone does not settle it; empty if it does.
         coverage: share of both paths that the closures' ends span.
+        rivalled: whether another set of its pair is all that objects to it.
         support, contradiction: of cycles over third groups.
         places: of its closures, each within a view: neighbours of one look-alike place agree for one reason.
         frame, noise, wander: where the second group lies in the first by all of its closures (`Claims.mean_frame`).
@@ -55,6 +56,7 @@ class CandidateSet:
     closure_set: ConsistentSet
     comparison: ClosureComparison
     objection: str = ""
+    rivalled: bool = False
     coverage: float = 1.0
     support: float = 0.0
     contradiction: float = 0.0

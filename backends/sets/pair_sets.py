@@ -180,6 +180,7 @@ def _compare_sizes(found: Sequence[CandidateSet], ambiguous_share: float) -> Non
         f"of {len(largest)}" if len(largest) == len(contradicting) else f"of {len(largest)} and {len(contradicting)}"
     )
     for candidate in sure:
+        candidate.rivalled = close or candidate is not largest
         if close:
             candidate.objection = f"ambiguous, two sets {sizes} closures contradict each other; neither is accepted"
         elif candidate is not largest:

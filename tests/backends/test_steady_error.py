@@ -52,3 +52,10 @@ def test_poses_between_keyframes_go_with_the_one_before(path):
 def test_the_sentence_names_what_is_wrong():
     assert "errs steadily, by 0.23 degrees and 2 cm in each metre" in SteadyError("alpha", PER_M).sentence
     assert "by 2 cm in each metre" in SteadyError("alpha", PER_M * [0, 0, 0, 1, 1, 1]).sentence
+
+
+@pytest.mark.parametrize(("metres", "plausible"), [(0.02, True), (0.5, True), (0.6, False), (-0.9, False)])
+def test_an_error_of_more_than_half_of_the_motion_is_not_plausible(metres, plausible):
+    error = SteadyError("alpha", np.array([0.0, 0.0, 1.0, metres, 0.0, 0.0]))
+    assert error.plausible == plausible
+    assert f"the odometry of alpha errs by 57 degrees and {abs(100 * metres):.2g} cm in each metre" in error.doubt

@@ -71,3 +71,14 @@ def test_odometry_that_branches_is_left_as_it_is(team_maker):
     odometry["beta"] = replace(beta, step_covariances=stated, parents=np.maximum(np.arange(60) - 1, 0))
     found = pairwise_consistent(closures_of(team, rng), odometry, PcmSettings(noise=NOISE))
     assert found.steady_errors == ()
+
+
+@pytest.mark.parametrize(("share", "believed"), [(0.2, True), (0.6, False)], ids=["a fifth", "most"])
+def test_an_error_as_large_as_half_of_the_motion_is_a_doubt(team_maker, share, believed):
+    """Where neighbouring places look alike, closures say that a robot hardly moved."""
+    team, rng = team_maker(0, ROBOTS, noise=1.0), np.random.default_rng(0)
+    odometry = erring(team.odometry, "beta", [0, 0, 0, share, 0, 0])
+    found = pairwise_consistent(closures_of(team, rng), odometry, PcmSettings(noise=NOISE, max_scale=10))
+    assert [error.robot for error in found.steady_errors] == ["beta"] * believed
+    assert [error.robot for error in found.open_steady_errors] == ["beta"] * (not believed)
+    assert any("the odometry of beta errs by" in said for said in found.doubts) != believed

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from wiclosure import se3
+from wiclosure.backends.closure_sets import closure_sets
 from wiclosure.backends.config import ClosureNoise, PcmSettings, PoseGraphSettings
-from wiclosure.backends.consistency.pcm import pairwise_consistent
+from wiclosure.backends.consistency.explanation import Explanation
+from wiclosure.backends.consistency.jump_places import bending_most
+from wiclosure.backends.consistency.merging import settled_within
+from wiclosure.backends.consistency.pcm import merge_settings, pairwise_consistent
 from wiclosure.backends.estimate.pose_graph import optimise
+from wiclosure.backends.least_squares.team_arrays import TeamArrays
 
 ROBOTS = ("alpha", "beta", "gamma")
 NOISE = ClosureNoise(translation_m=1e-6, rotation_rad=1e-6)
@@ -116,3 +121,25 @@ def test_true_closures_among_those_that_a_jump_would_explain_leave_it_open(team_
     assert not any(c.live for c in found.closures[-len(alike) :])
     assert all(c.live for c in found.closures[len(closures) : -len(alike)])
     assert {jump.robot for jump in found.open_jumps} == {"beta"}
+
+
+@pytest.mark.parametrize("bent", [True, False])
+def test_a_step_that_bends_the_estimate_is_told_whatever_would_hold_the_parts(team_maker, bent):
+    team, rng = team_maker(1, ROBOTS, noise=1.0), np.random.default_rng(1)
+    odometry = jumped(team.odometry, 31) if bent else team.odometry
+    sets, _ = closure_sets(closures_of(team, rng), odometry, NOISE)
+    arrays = TeamArrays.of(odometry, sets, np.zeros(1000, bool))
+    robots, true_poses = arrays.robots, np.concatenate([team.truth[r].poses[arrays.nodes[r]] for r in arrays.names])
+    settings = merge_settings(PcmSettings(), robots.degrees)
+    found = Explanation.of(robots, settings)
+    all_of_them = np.ones(len(robots.loops), bool)
+    settled = settled_within(robots, np.zeros(3, int), all_of_them, true_poses, np.inf)
+    merged = replace(found.merged, group=np.zeros(3, int), inlier=all_of_them, settled=settled)
+    told = bending_most(replace(found, merged=merged), settings)
+    assert len(told) == bent
+    for without, node in told:
+        at = node - robots.first_nodes[1]
+        assert arrays.nodes["beta"][at - 1] < 31 <= arrays.nodes["beta"][at]
+        poses, step = without.merged.settled.poses, robots.odometry.subset(robots.steps_across(node))
+        apart = se3.between(step.T[0], se3.between(poses[node - 1], poses[node]))
+        assert np.linalg.norm(apart[:3, 3]) == pytest.approx(10.0, rel=0.15)

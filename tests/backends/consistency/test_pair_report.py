@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wiclosure.backends.config import PcmSettings
-from wiclosure.backends.consistency.pair_report import PairConsistency
+from wiclosure.backends.consistency.pair_report import PairConsistency, doubt_of_neighbours
 from wiclosure.backends.consistency.pcm import pairwise_consistent
 
 EVERY_METHOD = [PcmSettings(), PcmSettings(method="clique"), PcmSettings(metric="unit", unit_threshold=1.0)]
@@ -42,3 +42,19 @@ def test_the_sentence_names_the_robots_and_the_count(team_maker, settings):
     (between,) = sentences.values()
     assert between.startswith("alpha and beta: ")
     assert "5 of 6" in between
+
+
+def test_the_doubt_of_neighbours_names_one_robot_or_two():
+    assert "closures within alpha are accepted" in doubt_of_neighbours("alpha", "alpha")
+    assert "closures between alpha and beta are accepted" in doubt_of_neighbours("alpha", "beta")
+
+
+def test_closures_that_contradict_their_neighbours_put_the_result_in_doubt(team_maker):
+    """Odometry so vague that both agree with it: but not with each other, side by side."""
+    team, rng = team_maker(3, noise=1.0), np.random.default_rng(3)
+    shift = np.array([0.0, 0.0, 0.0, 6.0, 0.0, 0.0])
+    vague = {name: trajectory.loosened(30.0) for name, trajectory in team.odometry.items()}
+    closures = [team.closure(("alpha", n), ("beta", n), noise=rng, error=shift * (n % 3 == 0)) for n in range(1, 59)]
+    found = pairwise_consistent(closures, vague, PcmSettings())
+    assert found.contradictory == ("alpha", "beta")
+    assert doubt_of_neighbours("alpha", "beta") in found.doubts

@@ -128,6 +128,22 @@ def test_a_rival_nearly_as_large_is_ambiguous_and_a_small_one_is_not(team_maker,
     assert believed or f"two sets of 8 and {shifted} closures" in pair.sentence
 
 
+@pytest.mark.parametrize(("stretch", "doubted"), [(60, True), (8, False)])
+def test_a_rival_is_as_strong_by_the_share_of_the_paths_that_it_spans(team_maker, stretch, doubted):
+    """Along a stretch that looks like another any number agrees; at one place they tell as little as one does."""
+    team, rng = team_maker(4), np.random.default_rng(4)
+    T_wrong = se3.from_yaw(0.0, np.array([30.0, 0.0, 0.0]))
+    alpha, beta = (team.truth[robot].poses for robot in ("alpha", "beta"))
+    alike = [
+        team.remeasured(c, T_query_match=se3.between(alpha[c.query.index], T_wrong @ beta[c.match.index]))
+        for c in team.random_closures(12, rng, limit=stretch)
+    ]
+    found = pairwise_consistent([*team.random_closures(40, rng), *alike], team.odometry, PcmSettings())
+    assert found.pairs[0].kept == 40
+    assert found.pairs[0].rival == 12 * doubted
+    assert bool(found.pairs[0].doubt) == doubted
+
+
 def test_closures_that_third_robots_settle_are_no_rival_of_themselves(team_maker):
     """Neighbours of one place are objected to until third robots support them; nothing else contradicts them then."""
     team, rng = team_maker(5, ("a", "b", "c"), noise=1.0), np.random.default_rng(5)
