@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from wiclosure.pipeline.mutual_check.map_check import Contradiction
@@ -80,7 +80,7 @@ def left_apart(rivals: Sequence[RivalSets], closures: Sequence[Closure]) -> list
         rivals: sets of closures, and what the radio told of them.
         closures: as the consistency check left them.
     """
-    joined = {frozenset((c.query.robot, c.match.robot)) for c in survivors(closures, Stage.CONSISTENCY)}
+    joined = _joined(survivors(closures, Stage.CONSISTENCY))
     apart = [one for one in rivals if not one.decides and frozenset(one.pair) not in joined]
     remedy = "its measurements between these robots are left out"
     return [PairCheck(one.pair, contested=f"{one.sentence}; {remedy}", alone=True) for one in apart]
@@ -88,8 +88,13 @@ def left_apart(rivals: Sequence[RivalSets], closures: Sequence[Closure]) -> list
 
 def in_doubt(told: Sequence[PairCheck] | Sequence[RivalSets], accepted: Sequence[Closure]) -> set[Pair]:
     """Of the robots that something doubtful was told of, those that accepted closures join: the map rests on it."""
-    joined = {frozenset((c.query.robot, c.match.robot)) for c in accepted}
+    joined = _joined(accepted)
     return {one.pair for one in told if one.doubts and frozenset(one.pair) in joined}
+
+
+def _joined(closures: Iterable[Closure]) -> set[frozenset[str]]:
+    """Robots that closures join."""
+    return {frozenset((c.query.robot, c.match.robot)) for c in closures}
 
 
 def cleared(filtered: FilterResult, fitting: Collection[Pair]) -> FilterResult:

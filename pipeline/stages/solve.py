@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
-from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
@@ -14,7 +12,6 @@ from wiclosure.backends.consistency.pcm import PcmResult, pairwise_consistent
 from wiclosure.backends.estimate.graph_result import GraphResult, propagate_to_scans
 from wiclosure.backends.estimate.pose_graph import optimise
 from wiclosure.frontends.front_end import FrontEndResult
-from wiclosure.frontends.place_recognition.matching import MatchResult
 from wiclosure.interfaces import CandidateFilter
 from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.mutual_check.map_check import AgainstMap, held_against_map
@@ -36,11 +33,11 @@ from wiclosure.pipeline.stages.attempts import Attempt, Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
 from wiclosure.pipeline.stages.run_result import Solution
 from wiclosure.pipeline.stages.viewer import Viewer
-from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, Stage, WirelessLog, survivors
+from wiclosure.pipeline.stages.what_became import nothing_left, nothing_to_merge, own_loops
+from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, WirelessLog
 
 logger = logging.getLogger(__name__)
 
-_FIGURES = re.compile(r"-?\d[\d.,^]*")
 BYTES_PER_POSE = 64  # stamp, position and quaternion, 8 bytes each
 
 
@@ -66,11 +63,12 @@ def solve(
     else:
         found = _widened(attempts, found, wireless, earth, took)
 
-    filtered, closures = cleared(found.attempt.filtered, found.by_map.fitting), found.graph.closures
-    checks = settled(found.checks, found.rivals, found.by_map.fitting)
+    agreed = found.agreed
+    filtered, closures = cleared(agreed.attempt.filtered, found.by_map.fitting), found.graph.closures
+    checks = settled(agreed.checks, agreed.rivals, found.by_map.fitting)
     told = sentences(filtered, checks, found.by_map.contradicted, corrects=corrects)
     unsure = in_doubt(checks, found.graph.accepted)
-    unsure_rivals = in_doubt(found.rivals, found.graph.accepted)
+    unsure_rivals = in_doubt(agreed.rivals, found.graph.accepted)
     doubts = _doubts(found, told, unsure, unsure_rivals)
     contradictions = (
         *(out_of_time(wireless, keyframes) if filtered.alignments else ()),
@@ -80,7 +78,7 @@ def solve(
     seconds["filter"] += took["check"]
     return Solution(
         filtered=filtered,
-        matched=found.attempt.matched,
+        matched=agreed.attempt.matched,
         closures=closures,
         graph=found.graph,
         seconds=seconds,
@@ -88,21 +86,40 @@ def solve(
         bytes_exchanged=_bytes_exchanged(filtered, closures, fronts),
         contradictions=contradictions,
         doubts=doubts,
-        open_jumps=found.consistent.open_jumps,
+        open_jumps=agreed.consistent.open_jumps,
         without_radio=tuple(one.pair for one in checks if one.drops_radio),
         diagnosis=(
             *doubts,
             *contradictions,
             *corrections,
             *filtered.diagnosis,
-            *(one.sentence for one in found.rivals if one.pair not in unsure_rivals),
-            *_nothing_left(filtered, found.attempt.matched, closures),
-            *_own_loops(closures),
-            *_nothing_to_merge(fronts, closures),
-            *found.consistent.remarks,
+            *(one.sentence for one in agreed.rivals if one.pair not in unsure_rivals),
+            *nothing_left(filtered, agreed.attempt.matched, closures),
+            *own_loops(closures),
+            *nothing_to_merge(fronts, closures),
+            *agreed.consistent.remarks,
             *found.graph.diagnosis,
         ),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreement:
+    """Closures that agree.
+
+    Args:
+        attempt: all closures, as filter, matching, registration and radio check left them.
+        checks: pairs of robots of which radio and closures told differently.
+        wireless: the log; None where nothing is held against it.
+        consistent: closures that agree.
+        rivals: sets of closures that contradict each other, and what the radio told of them.
+    """
+
+    attempt: Attempt
+    checks: Sequence[PairCheck]
+    wireless: WirelessLog | None
+    consistent: PcmResult
+    rivals: Sequence[RivalSets]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,19 +127,13 @@ class _Estimate:
     """Of one log.
 
     Args:
-        attempt: closures, as filter, matching, registration and radio check left them.
-        checks: pairs of robots of which radio and closures told differently.
-        rivals: sets of closures that contradict each other, and what the radio told of them.
-        consistent: closures that agree.
+        agreed: the closures that it rests on.
         graph: the estimate.
         by_map: what the merged map tells of the measurements.
         other_maps: ways in which robots may lie to each other as well, that their scans allow.
     """
 
-    attempt: Attempt
-    checks: Sequence[PairCheck]
-    rivals: Sequence[RivalSets]
-    consistent: PcmResult
+    agreed: _Agreement
     graph: GraphResult
     by_map: AgainstMap
     other_maps: Sequence[RivalMap]
@@ -137,11 +148,11 @@ def _doubts(found: _Estimate, told: Mapping[Pair, str], unsure: Set[Pair], unsur
         unsure: robots of which that puts the map in doubt.
         unsure_rivals: those of which sets of closures that contradict each other do.
     """
-    said_already = unsure | unsure_rivals | found.consistent.in_doubt
+    said_already = unsure | unsure_rivals | found.agreed.consistent.in_doubt
     return (
-        *found.consistent.doubts,
+        *found.agreed.consistent.doubts,
         *(said for pair, said in told.items() if pair in unsure),
-        *(one.sentence for one in found.rivals if one.pair in unsure_rivals),
+        *(one.sentence for one in found.agreed.rivals if one.pair in unsure_rivals),
         *(one.sentence for one in found.other_maps if not {one.pair, one.pair[::-1]} & said_already),
     )
 
@@ -151,55 +162,49 @@ def _estimated(
 ) -> _Estimate:
     attempt, checks = attempts.settled(wireless)
     heard = attempts.config.mutual_check.enabled and bool(attempt.filtered.alignments or checks)
-    consistent, rivals = _agreeing(attempts, attempt, wireless if heard else None, took)
-    if apart := left_apart(rivals, consistent.closures):
+    agreed = _agreeing(attempts, attempt, checks, wireless if heard else None, took)
+    if apart := left_apart(agreed.rivals, agreed.consistent.closures):
         attempt, checks = attempts.settled(wireless, [*(one for one in checks if one.drops_radio), *apart])
-        consistent, rivals = _agreeing(attempts, attempt, wireless, took)
-    return _merged(attempts, attempt, checks, (consistent, rivals), wireless if heard else None, earth, took)
+        agreed = _agreeing(attempts, attempt, checks, wireless, took)
+    return _merged(attempts, agreed, earth, took)
 
 
 def _widened(
     attempts: Attempts, found: _Estimate, wireless: WirelessLog, earth: EarthMeasurements | None, took: Stopwatch
 ) -> _Estimate:
     """With the pairs that a log had pruned which the map refutes; as it was where these would tell another map."""
-    attempt = attempts.unpruned(found.attempt, found.by_map.contradicted)
-    if attempt is found.attempt:
-        return found
-    agreeing = _agreeing(attempts, attempt, wireless, took)
-    wider = _merged(attempts, attempt, found.checks, agreeing, wireless, earth, took)
     refuted = found.by_map.contradicted
+    attempt = attempts.unpruned(found.agreed.attempt, refuted)
+    if attempt is found.agreed.attempt:
+        return found
+    wider = _merged(attempts, _agreeing(attempts, attempt, found.agreed.checks, wireless, took), earth, took)
     before, after = (
         ends([c for c in one.graph.accepted if (c.query.robot, c.match.robot) in refuted]) for one in (found, wider)
     )
     return wider if 2 * len(before & after) >= len(before) else found
 
 
-def _merged(
-    attempts: Attempts,
-    attempt: Attempt,
-    checks: Sequence[PairCheck],
-    agreeing: tuple[PcmResult, list[RivalSets]],
-    wireless: WirelessLog | None,
-    earth: EarthMeasurements | None,
-    took: Stopwatch,
-) -> _Estimate:
+def _merged(attempts: Attempts, agreed: _Agreement, earth: EarthMeasurements | None, took: Stopwatch) -> _Estimate:
     """The estimate, and what it tells of the log where there is one."""
-    config, (consistent, rivals) = attempts.config, agreeing
+    config, consistent, wireless = attempts.config, agreed.consistent, agreed.wireless
     with took.time("optimisation"):
         settings = config.pose_graph.scaled(consistent.scale)
         odometry = consistent.restated(attempts.keyframes)
-        graph = optimise(odometry, consistent.closures, settings, attempt.filtered.links, earth)
+        graph = optimise(odometry, consistent.closures, settings, agreed.attempt.filtered.links, earth)
     with took.time("check"):
         by_map = AgainstMap() if wireless is None else _held_against_map(attempts.fronts, graph, wireless, config)
     with took.time("optimisation"):
-        log = WirelessLog() if wireless is None else wireless
-        other_maps = _other_maps(attempts, attempt, checks, graph, log) if config.mutual_check.enabled else []
-    return _Estimate(attempt, checks, rivals, consistent, graph, by_map, other_maps)
+        other_maps = _other_maps(attempts, agreed, graph) if config.mutual_check.enabled else []
+    return _Estimate(agreed, graph, by_map, other_maps)
 
 
 def _agreeing(
-    attempts: Attempts, attempt: Attempt, wireless: WirelessLog | None, took: Stopwatch
-) -> tuple[PcmResult, list[RivalSets]]:
+    attempts: Attempts,
+    attempt: Attempt,
+    checks: Sequence[PairCheck],
+    wireless: WirelessLog | None,
+    took: Stopwatch,
+) -> _Agreement:
     """Closures that agree, and sets that contradict each other, of which the log decides where there is one."""
     config, keyframes = attempts.config, attempts.keyframes
     with took.time("optimisation"):
@@ -210,24 +215,24 @@ def _agreeing(
         if decided := [one for one in rivals if one.decides]:
             left, told = without_lost(attempt.closures, decided), {row for one in decided for row in one.kept}
             consistent = pairwise_consistent(left, keyframes, config.pcm, told)
-    return consistent, rivals
+    return _Agreement(attempt, checks, wireless, consistent, rivals)
 
 
-def _other_maps(
-    attempts: Attempts, attempt: Attempt, checks: Sequence[PairCheck], graph: GraphResult, wireless: WirelessLog
-) -> list[RivalMap]:
+def _other_maps(attempts: Attempts, agreed: _Agreement, graph: GraphResult) -> list[RivalMap]:
     """Ways in which robots may lie to each other as well; not looked for where radio or GNSS has told the way."""
     fixed = {robot for robot, fixes in graph.ground.earth.fixes.items() if len(fixes)}
     closures = [c for c in graph.closures if not {c.query.robot, c.match.robot} <= fixed]
-    contradicted = {one.pair for one in checks if one.weighed is not None or one.contested}
-    certain = {(one.robot_a, one.robot_b) for one in attempt.filtered.alignments if not one.ambiguous} - contradicted
+    contradicted = {one.pair for one in agreed.checks if one.weighed is not None or one.contested}
+    alignments = agreed.attempt.filtered.alignments
+    certain = {(one.robot_a, one.robot_b) for one in alignments if not one.ambiguous} - contradicted
 
     def register(proposed: Sequence[Closure]) -> list[Closure]:
         return attempts.registrations.register(proposed, attempts.progress)[0]
 
     clouds = {robot: front.clouds for robot, front in attempts.fronts.items()}
     merged, odometry, config = graph.trajectories, attempts.keyframes, attempts.config
-    return rival_maps(merged, closures, clouds, odometry, wireless, certain, config, register)
+    log = WirelessLog() if agreed.wireless is None else agreed.wireless
+    return rival_maps(merged, closures, clouds, odometry, log, certain, config, register)
 
 
 def _held_against_map(
@@ -259,45 +264,3 @@ def _bytes_exchanged(filtered: FilterResult, closures: Sequence[Closure], fronts
     descriptors = sum(len(index) * fronts[b].descriptors[0].nbytes for (_, b), index in described.items())
     sent: set[tuple[str, KeyframeId]] = {(c.query.robot, c.match) for c in closures if c.query.robot != c.match.robot}
     return trajectories + int(descriptors) + sum(fronts[key.robot].clouds[key.index].nbytes for _, key in sent)
-
-
-def _own_loops(closures: Sequence[Closure]) -> tuple[str, ...]:
-    """A sentence for each robot that came back to where it had been."""
-    own: dict[str, list[Closure]] = {}
-    for closure in closures:
-        if closure.query.robot == closure.match.robot:
-            own.setdefault(closure.query.robot, []).append(closure)
-    return tuple(
-        f"{robot}: of {len(found)} proposed loops within its own path {len(survivors(found, Stage.REGISTRATION))} were"
-        f" registered and {len(survivors(found, Stage.ESTIMATE))} accepted"
-        for robot, found in own.items()
-    )
-
-
-def _nothing_to_merge(fronts: Mapping[str, FrontEndResult], closures: Sequence[Closure]) -> tuple[str, ...]:
-    if len(fronts) > 1 or survivors(closures, Stage.ESTIMATE):
-        return ()
-    return (
-        "there is one robot only and no loop within its path, so there is nothing to merge: its map is that of plain"
-        " odometry",
-    )
-
-
-def _nothing_left(
-    filtered: FilterResult, matched: Sequence[MatchResult], closures: Sequence[Closure]
-) -> tuple[str, ...]:
-    """Where the candidates were lost, said when nothing reached the graph."""
-    registered, checked, estimated = (
-        len(survivors(closures, stage)) for stage in (Stage.REGISTRATION, Stage.RADIO_CHECK, Stage.ESTIMATE)
-    )
-    if estimated or not filtered.pairs:
-        return ()
-    reasons = [closure.reason for closure in closures if closure.rejected_at is not None]
-    kinds = Counter(_FIGURES.sub("", reason) for reason in reasons)
-    usual = next((r for r in reasons if _FIGURES.sub("", r) == kinds.most_common(1)[0][0]), "")
-    often = f"; for example: {usual}" if usual else ""
-    return (
-        f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
-        f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration accepted"
-        f" {registered}, of which the radio check left {checked}{often}",
-    )

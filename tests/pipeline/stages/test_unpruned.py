@@ -91,9 +91,8 @@ def test_a_map_that_what_was_pruned_would_turn_over_stays(
 ) -> None:
     def estimate(rows: Sequence[int]) -> SimpleNamespace:
         graph = SimpleNamespace(accepted=[closure(n, n, live=True) for n in rows])
-        return SimpleNamespace(
-            graph=graph, by_map=SimpleNamespace(contradicted={PAIR: None}), attempt="pruned", checks=()
-        )
+        agreed = SimpleNamespace(attempt="pruned", checks=())
+        return SimpleNamespace(graph=graph, by_map=SimpleNamespace(contradicted={PAIR: None}), agreed=agreed)
 
     found, wider = estimate([0, 1]), estimate(accepted)
     monkeypatch.setattr(solve, "_agreeing", lambda *_: None)
