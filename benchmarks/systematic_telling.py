@@ -20,9 +20,9 @@ from systematic_worlds import AOA_SIGMA_RAD, RANGE_SIGMA_M, World, wrap
 
 from wiclosure import se3
 from wiclosure.types import AoaPath, FloatArray, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.calibration import AZIMUTH_A, BIAS, CLOCK, RANGE_SCALE, SCALE_A, SCALE_B
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.drift.calibration import AZIMUTH_A, BIAS, CLOCK, RANGE_SCALE, SCALE_A, SCALE_B
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 

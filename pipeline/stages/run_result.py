@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,13 +20,14 @@ from wiclosure.pipeline.config import Config
 from wiclosure.pipeline.data.inputs import Inputs
 from wiclosure.pipeline.evaluation.metrics import Metrics
 from wiclosure.pipeline.grounding.grounding import Grounding
-from wiclosure.types import Closure, FilterResult, Trajectory
+from wiclosure.types import Closure, FilterResult, Stage, Trajectory, survivors
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
 _PLOTTED_POINTS = 100_000
+_FIGURES = re.compile(r"-?\d[\d.,^]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,3 +125,46 @@ class RunResult:
             ConfigError: pandas is not installed.
         """
         return data_frame(closure_columns(self.solution.closures))
+
+
+def own_loops(closures: Sequence[Closure]) -> tuple[str, ...]:
+    """A sentence for each robot that came back to where it had been."""
+    own: dict[str, list[Closure]] = {}
+    for closure in closures:
+        if closure.query.robot == closure.match.robot:
+            own.setdefault(closure.query.robot, []).append(closure)
+    return tuple(
+        f"{robot}: of {len(found)} proposed loops within its own path {len(survivors(found, Stage.REGISTRATION))} were"
+        f" registered and {len(survivors(found, Stage.ESTIMATE))} accepted"
+        for robot, found in own.items()
+    )
+
+
+def nothing_to_merge(fronts: Mapping[str, FrontEndResult], closures: Sequence[Closure]) -> tuple[str, ...]:
+    """A sentence where there is one robot that never came back."""
+    if len(fronts) > 1 or survivors(closures, Stage.ESTIMATE):
+        return ()
+    return (
+        "there is one robot only and no loop within its path, so there is nothing to merge: its map is that of plain"
+        " odometry",
+    )
+
+
+def nothing_left(
+    filtered: FilterResult, matched: Sequence[MatchResult], closures: Sequence[Closure]
+) -> tuple[str, ...]:
+    """Where the candidates were lost, said when nothing reached the graph."""
+    registered, checked, estimated = (
+        len(survivors(closures, stage)) for stage in (Stage.REGISTRATION, Stage.RADIO_CHECK, Stage.ESTIMATE)
+    )
+    if estimated or not filtered.pairs:
+        return ()
+    reasons = [closure.reason for closure in closures if closure.rejected_at is not None]
+    kinds = Counter(_FIGURES.sub("", reason) for reason in reasons)
+    usual = next((r for r in reasons if _FIGURES.sub("", r) == kinds.most_common(1)[0][0]), "")
+    often = f"; for example: {usual}" if usual else ""
+    return (
+        f"no closure was accepted: of {filtered.pairs_total} pairs the filter kept {filtered.pairs_kept}, scan context"
+        f" compared {sum(m.pairs_compared for m in matched)} and proposed {len(closures)}, registration accepted"
+        f" {registered}, of which the radio check left {checked}{often}",
+    )

@@ -31,9 +31,8 @@ from wiclosure.pipeline.runtime.progress import Progress
 from wiclosure.pipeline.runtime.stopwatch import Stopwatch
 from wiclosure.pipeline.stages.attempts import Attempt, Attempts
 from wiclosure.pipeline.stages.registrations import RegistrationPool
-from wiclosure.pipeline.stages.run_result import Solution
+from wiclosure.pipeline.stages.run_result import Solution, nothing_left, nothing_to_merge, own_loops
 from wiclosure.pipeline.stages.viewer import Viewer
-from wiclosure.pipeline.stages.what_became import nothing_left, nothing_to_merge, own_loops
 from wiclosure.types import Closure, EarthMeasurements, FilterResult, KeyframeId, WirelessLog
 
 logger = logging.getLogger(__name__)

@@ -10,7 +10,6 @@ from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FrameAlignment, Trajectory
 from wiclosure.wiclosure_filter.alignment.ambiguity import assess
 from wiclosure.wiclosure_filter.alignment.chosen_alignment import ChosenAlignment
-from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drifts
 from wiclosure.wiclosure_filter.alignment.followed import Followed, paths_kept
 from wiclosure.wiclosure_filter.alignment.level_peaks import LevelPeaks
 from wiclosure.wiclosure_filter.alignment.roles import as_named, with_reference_first
@@ -19,6 +18,7 @@ from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks, consen
 from wiclosure.wiclosure_filter.consensus.pairwise_consistency import pairwise_consistency
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
 from wiclosure.wiclosure_filter.consensus.spatial_refinement import refine_in_space
+from wiclosure.wiclosure_filter.drift.drifting_frames import follow_drifts
 from wiclosure.wiclosure_filter.links.links import Links
 
 _NOTHING_FOUND = {

@@ -9,11 +9,11 @@ import numpy as np
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, Calibration, FloatArray, IntArray
 from wiclosure.wiclosure_filter.alignment.ambiguity import unobservable
-from wiclosure.wiclosure_filter.alignment.calibration import CONSTANT_BLUNDER, RANGE_SCALE
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform
 from wiclosure.wiclosure_filter.config import AmbiguitySettings, CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.drift.calibration import CONSTANT_BLUNDER, RANGE_SCALE
+from wiclosure.wiclosure_filter.drift.drifting_frames import DriftingFrames, RigidTransform
 from wiclosure.wiclosure_filter.likelihood.fit import Fit
 from wiclosure.wiclosure_filter.likelihood.mixture import MIN_DISTANCE_M, Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import LEVEL_SIGMA_RAD, Observations

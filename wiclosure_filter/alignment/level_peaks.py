@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from wiclosure.types import FrameAlignment
 from wiclosure.wiclosure_filter.alignment.ambiguity import Selection, assess
 from wiclosure.wiclosure_filter.alignment.chosen_alignment import ChosenAlignment
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform
 from wiclosure.wiclosure_filter.alignment.fitting_blunders import FittingBlunders
 from wiclosure.wiclosure_filter.alignment.followed import follow, rigid_transform
 from wiclosure.wiclosure_filter.alignment.second_alignment import SecondAlignment, second_alignment
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.drift.drifting_frames import DriftingFrames, RigidTransform
 from wiclosure.wiclosure_filter.links.links import Links
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, FloatArray, FrameAlignment, IntArray
-from wiclosure.wiclosure_filter.alignment.calibration import exchanged
+from wiclosure.wiclosure_filter.drift.calibration import exchanged
 from wiclosure.wiclosure_filter.links.links import Links
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.strain import SLIP_ODDS, UNLIKELY
 from wiclosure.wiclosure_filter.consensus.consensus import AnchoredPeaks
+from wiclosure.wiclosure_filter.drift.strain import SLIP_ODDS, UNLIKELY
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver
 

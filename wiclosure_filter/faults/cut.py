@@ -9,8 +9,8 @@ import numpy as np
 
 from wiclosure.types import FloatArray, FrameAlignment, Trajectory
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.strain import SLIP_ODDS
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.drift.strain import SLIP_ODDS
 from wiclosure.wiclosure_filter.likelihood.observations import UNKNOWN_DISTANCE_M
 from wiclosure.wiclosure_filter.links.links import Links
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.calibration import AZIMUTH_A, AZIMUTH_B, BIAS, CLOCK, RANGE_SCALE, motion
+from wiclosure.wiclosure_filter.drift.calibration import AZIMUTH_A, AZIMUTH_B, BIAS, CLOCK, RANGE_SCALE, motion
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks
 
 

@@ -14,7 +14,7 @@ import gtsam
 import numpy as np
 
 from wiclosure.types import FloatArray, FrameAlignment, IntArray
-from wiclosure.wiclosure_filter.alignment.calibration import (
+from wiclosure.wiclosure_filter.drift.calibration import (
     AZIMUTH_A,
     AZIMUTH_B,
     BIAS,

@@ -9,11 +9,11 @@ from wiclosure import se3
 from wiclosure.types import Trajectory, WirelessLog, WirelessMeasurement
 from wiclosure.wiclosure_filter.alignment.align import align
 from wiclosure.wiclosure_filter.alignment.ambiguity import assess
-from wiclosure.wiclosure_filter.alignment.drifting_frames import follow_drifts
 from wiclosure.wiclosure_filter.alignment.followed import Followed, follow, rigid_transform
 from wiclosure.wiclosure_filter.config import AlignmentSettings
 from wiclosure.wiclosure_filter.consensus.consensus import consensus
 from wiclosure.wiclosure_filter.consensus.problem import AlignmentProblem
+from wiclosure.wiclosure_filter.drift.drifting_frames import follow_drifts
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.links.links import Links
 

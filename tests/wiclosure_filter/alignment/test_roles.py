@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from wiclosure import se3
 from wiclosure.types import FrameAlignment, Trajectory, WirelessLog
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.calibration import CLOCK
 from wiclosure.wiclosure_filter.alignment.roles import as_named, with_reference_first
 from wiclosure.wiclosure_filter.config import AlignmentSettings, FilterSettings
+from wiclosure.wiclosure_filter.drift.calibration import CLOCK
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.links.links import Links

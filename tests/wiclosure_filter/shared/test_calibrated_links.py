@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wiclosure import se3
-from wiclosure.wiclosure_filter.alignment.calibration import AZIMUTH_A, BIAS, COUNT
+from wiclosure.wiclosure_filter.drift.calibration import AZIMUTH_A, BIAS, COUNT
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
 from wiclosure.wiclosure_filter.shared.kept_links import KeptLinks

@@ -10,8 +10,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import Calibration, WirelessLog
-from wiclosure.wiclosure_filter.alignment.calibration import AZIMUTH_A, BIAS, CLOCK, COUNT, RANGE_SCALE, motion
 from wiclosure.wiclosure_filter.config import FilterSettings, SharedTrajectorySettings
+from wiclosure.wiclosure_filter.drift.calibration import AZIMUTH_A, BIAS, CLOCK, COUNT, RANGE_SCALE, motion
 from wiclosure.wiclosure_filter.filter import WiClosureFilter
 from wiclosure.wiclosure_filter.shared.calibrated_links import without_errors
 from wiclosure.wiclosure_filter.shared.constant_errors import LinkRows, PriorErrors, errors_of, with_constant_errors

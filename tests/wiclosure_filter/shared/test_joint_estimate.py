@@ -9,8 +9,8 @@ import pytest
 
 from wiclosure import se3
 from wiclosure.types import AlignmentHypothesis, AoaPath, Trajectory, WirelessLog, WirelessMeasurement
-from wiclosure.wiclosure_filter.alignment.calibration import BIAS, COUNT
 from wiclosure.wiclosure_filter.config import AlignmentSettings
+from wiclosure.wiclosure_filter.drift.calibration import BIAS, COUNT
 from wiclosure.wiclosure_filter.likelihood.frame_prior import FramePrior
 from wiclosure.wiclosure_filter.links.gathering import GatheringLimits, TeamLinks
 from wiclosure.wiclosure_filter.shared.constant_errors import PriorErrors

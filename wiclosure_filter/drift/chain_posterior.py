@@ -14,11 +14,11 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import BoolArray, FloatArray
-from wiclosure.wiclosure_filter.alignment.calibration import COUNT, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains, Segments
 from wiclosure.wiclosure_filter.config import RadioModel
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior
+from wiclosure.wiclosure_filter.drift.calibration import COUNT, SystematicErrors
+from wiclosure.wiclosure_filter.drift.linear_chains import LinearChains, Segments
 from wiclosure.wiclosure_filter.likelihood.mixture import Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import residual_rows, seen_by_receiver

@@ -18,14 +18,14 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
-from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains
-from wiclosure.wiclosure_filter.alignment.strain import Chain, Strain
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
 from wiclosure.wiclosure_filter.consensus.refinement import Prior, displacement_m
+from wiclosure.wiclosure_filter.drift.calibration import CLOCK, COUNT, EstimatedErrors, SystematicErrors
+from wiclosure.wiclosure_filter.drift.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
+from wiclosure.wiclosure_filter.drift.linear_chains import LinearChains
+from wiclosure.wiclosure_filter.drift.strain import Chain, Strain
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation, Mixture
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a, seen_by_receiver

@@ -10,11 +10,11 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
-from wiclosure.wiclosure_filter.alignment.calibration import COUNT
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
+from wiclosure.wiclosure_filter.drift.bordered_system import BorderedSystem
+from wiclosure.wiclosure_filter.drift.calibration import COUNT
+from wiclosure.wiclosure_filter.drift.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 
 PERFECT = CalibrationPriors(
     range_bias_m=1e-5, range_scale=1e-6, clock_s=1e-6, mounting_rad=1e-6, scale=1e-6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.wiclosure_filter.alignment.linear_chains import LinearChains, Segments
+from wiclosure.wiclosure_filter.drift.linear_chains import LinearChains, Segments
 
 
 def test_sums_and_extremes_are_those_of_each_chain() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
 
 PRIOR = ErrorPrior(np.full(7, 0.3), 0.02)
 

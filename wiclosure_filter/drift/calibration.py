@@ -16,8 +16,8 @@ import numpy as np
 
 from wiclosure import se3
 from wiclosure.types import Calibration, FloatArray, IntArray, Trajectory
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.consensus.problem import PairOdometry
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.likelihood.mixture import Explanation
 from wiclosure.wiclosure_filter.likelihood.observations import Observations
 

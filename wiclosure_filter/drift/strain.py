@@ -16,8 +16,8 @@ import numpy as np
 from scipy.special import chdtrc, logsumexp  # scipy.stats takes seconds to import
 
 from wiclosure.types import FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
-from wiclosure.wiclosure_filter.alignment.calibration import EstimatedErrors
+from wiclosure.wiclosure_filter.drift.bordered_system import BorderedSystem
+from wiclosure.wiclosure_filter.drift.calibration import EstimatedErrors
 
 SLIP_ODDS = 0.05  # of a slip, a lifted robot or a restarted odometry while two robots hear each other
 UNLIKELY = 100.0  # odds against a time of the slip, beside the likeliest

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from wiclosure.types import BoolArray, FloatArray, IntArray
-from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem, banded
-from wiclosure.wiclosure_filter.alignment.strain import Chain
+from wiclosure.wiclosure_filter.drift.bordered_system import BorderedSystem, banded
+from wiclosure.wiclosure_filter.drift.strain import Chain
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wiclosure.pipeline.stages.what_became import nothing_left, nothing_to_merge, own_loops
+from wiclosure.pipeline.stages.run_result import nothing_left, nothing_to_merge, own_loops
 from wiclosure.types import CandidatePairs, Closure, FilterResult, KeyframeId, Measured, Stage
 
 MEASURED = Measured(np.eye(4), np.eye(6))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from wiclosure.drift import DriftModel
-from wiclosure.wiclosure_filter.alignment.calibration import COUNT, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.chain_posterior import ChainGuess, ChainPosterior
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.drift.calibration import COUNT, SystematicErrors
+from wiclosure.wiclosure_filter.drift.chain_posterior import ChainGuess, ChainPosterior
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.likelihood.residuals import displacements_in_a
 
 

@@ -12,9 +12,9 @@ from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import Calibration, FloatArray
 from wiclosure.wiclosure_filter.alignment.align import align
-from wiclosure.wiclosure_filter.alignment.calibration import BIAS, CLOCK, COUNT, SystematicErrors
-from wiclosure.wiclosure_filter.alignment.error_prior import ErrorPrior
 from wiclosure.wiclosure_filter.config import CalibrationPriors
+from wiclosure.wiclosure_filter.drift.calibration import BIAS, CLOCK, COUNT, SystematicErrors
+from wiclosure.wiclosure_filter.drift.error_prior import ErrorPrior
 
 DRIFT = DriftModel(translation_walk=0.01, rotation_walk=1e-4, rotation_walk_turning=1e-4)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wiclosure.wiclosure_filter.alignment.bordered_system import BorderedSystem
+from wiclosure.wiclosure_filter.drift.bordered_system import BorderedSystem
 
 
 def test_inverse_and_determinant_are_those_of_the_dense_system() -> None:

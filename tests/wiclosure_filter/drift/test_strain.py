@@ -10,9 +10,9 @@ import pytest
 from wiclosure import se3
 from wiclosure.drift import DriftModel
 from wiclosure.types import FloatArray
-from wiclosure.wiclosure_filter.alignment.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 from wiclosure.wiclosure_filter.config import CalibrationPriors
 from wiclosure.wiclosure_filter.consensus.refinement import climb
+from wiclosure.wiclosure_filter.drift.drifting_frames import DriftingFrames, RigidTransform, follow_drifts
 
 DRIFT = DriftModel(translation_walk=0.05, rotation_walk=0.005)
 AT = 30
