@@ -71,3 +71,10 @@ def test_every_package_has_its_place_in_the_house() -> None:
 
 def test_the_readme_is_short() -> None:
     assert len(text_of(REPOSITORY / "README.md").splitlines()) <= 150
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_of_code_that_a_page_names_exist(page: Path) -> None:
+    rooms = [REPOSITORY, *(REPOSITORY / room for room in ("wiclosure_filter", "pipeline", "backends", "frontends"))]
+    named = set(re.findall(r"(?<![\w./-])([a-z_]+/[\w/]+\.py)\b", text_of(page)))
+    assert [name for name in sorted(named) if not any((room / name).exists() for room in rooms)] == []
