@@ -6,7 +6,8 @@ Everything here is vectorised over the edges; the sparse normal equations are so
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,6 +46,19 @@ class Descent:
 
 
 @dataclass(frozen=True, eq=False)
+class Pattern:
+    """Where the normal matrix of edges over `size` nodes is not zero, whatever the nodes move in."""
+
+    edges: Edges
+    size: int
+
+    @cached_property
+    def normal(self) -> NormalMatrix:
+        """With the order in which it is eliminated, which is found once."""
+        return NormalMatrix.of(self.edges.first, self.edges.second, self.size)
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """Edges over `size` nodes, linearised where the poses are; the nodes `held` do not move.
 
@@ -56,7 +70,7 @@ class System:
         free: components `(K,)` of the tangent vectors that the nodes move in: all six, or three in the plane.
         compared: components `(D,)` of the errors: the same, or all six where some edges leave the plane.
         W: `(M, D, D)` whiteners of these.
-        ordered: the pattern of the normal matrix, once it was asked for: the same whatever nodes move in.
+        pattern: of the normal matrix.
     """
 
     edges: Edges
@@ -66,20 +80,21 @@ class System:
     free: IntArray
     compared: IntArray
     W: FloatArray
-    ordered: list[NormalMatrix] = field(default_factory=list)
+    pattern: Pattern
 
     @classmethod
     def of(cls, edges: Edges, poses: FloatArray, held: IntArray) -> System:
         """Of nodes that begin at the poses `(N, 4, 4)`; covariances are inverted once."""
         every = np.arange(DEGREES)
-        whole = cls(edges, len(poses), np.asarray(held), _flat(edges), every, every, whiteners(edges.covariance))
-        return whole.starting(poses)
+        pattern, W = Pattern(edges, len(poses)), whiteners(edges.covariance)
+        return cls(edges, len(poses), np.asarray(held), _flat(edges), every, every, W, pattern).starting(poses)
 
     def subset(self, rows: BoolArray) -> System:
         """Of the edges at `rows`."""
         if rows.all():
             return self
-        return replace(self, edges=self.edges.subset(rows), flat=self.flat[rows], W=self.W[rows], ordered=[])
+        edges = self.edges.subset(rows)
+        return replace(self, edges=edges, flat=self.flat[rows], W=self.W[rows], pattern=Pattern(edges, self.size))
 
     def starting(self, poses: FloatArray) -> System:
         """With three unknowns a node where all edges and the poses `(N, 4, 4)` to start from stay in the plane."""
@@ -98,9 +113,7 @@ class System:
     @property
     def normal(self) -> NormalMatrix:
         """Where the normal matrix is not zero, and in what order it is eliminated."""
-        if not self.ordered:
-            self.ordered.append(NormalMatrix.of(self.edges.first, self.edges.second, self.size))
-        return self.ordered[0]
+        return self.pattern.normal
 
     def residuals(self, poses: FloatArray) -> FloatArray:
         """Whitened errors `(M, D)`."""
