@@ -63,18 +63,17 @@ def run(
     from wiclosure.pipeline.stages import run as running
     from wiclosure.pipeline.stages import run_folder
 
+    working.require_together()
     viewing.require_possible(overwrite=result.overwrite)
     config = configuration.resolved(use_filter=filter_name)
     with (
         result_folder(result, data) as (folder, scratch),
         viewing.viewers(folder, scratch, quiet=working.quiet or working.as_json) as viewers,
-        working.on_cluster() as cluster,
     ):
-        inputs = reading.inputs(data)
-        workers = cluster or local_workers(working.jobs)
-        chosen = running.candidate_filter(config.use_filter, inputs, config, workers)
-        shown = working.progress
-        with viewers.of("run") as viewer:
+        inputs, shown = reading.inputs(data), working.progress  # before workers start, which takes longer
+        with working.on_cluster() as cluster, viewers.of("run") as viewer:
+            workers = cluster or local_workers(working.jobs)
+            chosen = running.candidate_filter(config.use_filter, inputs, config, workers)
             prepared = running.prepare(
                 inputs, config, cache=working.cache, jobs=working.jobs, progress=shown, viewer=viewer, cluster=cluster
             )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
 
 from wiclosure.errors import ConfigError
@@ -25,3 +28,13 @@ def test_without_a_cluster_processes_work_here() -> None:
 def test_options_that_do_not_go_together(working: Working, sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence), working.on_cluster():
         pass
+
+
+def test_what_is_read_is_looked_for_before_workers_start(
+    wiclosure: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("wiclosure.pipeline.runtime.cluster.connection.cluster", lambda *_: pytest.fail("started"))
+    code, _, err = wiclosure("run", tmp_path / "nowhere", "--cluster", "local:2", "--out", tmp_path / "run")
+    assert (code, err.splitlines()) == (
+        1, [f"wiclosure: error: recording {tmp_path}/nowhere of robot nowhere does not exist; check the path"],
+    )  # fmt: skip
