@@ -135,7 +135,10 @@ def _without_decisions(robots: Robots, merged: MergedGroups, settings: MergeSett
         settled = settled_within(restated, merged.group, merged.inlier, merged.settled.poses, np.inf)
         asked = of_residuals(settled.redundant, robots.degrees) or 1.0
         scale = float(merged.factors.max())
-        merged = replace(merged, settled=settled, factors=merged.factors * allowed(scale * asked, settings) / scale)
+        change = allowed(scale * asked, settings) / scale
+        merged = replace(merged, settled=settled, factors=merged.factors * change)
+        if change == 1.0:
+            break
     return merged, merged.restated(robots)
 
 

@@ -127,7 +127,7 @@ def settle(
     degrees, converged = degrees_of_true_ones(odometry.T, loops.T), False
     for step in range(rounds):
         used, last = np.concatenate([np.ones(count, bool), kept]), step == rounds - 1
-        part, of_part = starting(system.subset(used), noise[used], poses)
+        part, of_part = starting(system.subset(used), noise if used.all() else noise[used], poses)
         start, ones = poses if converged else cheaper_start(part, poses), np.ones(len(part.edges))
         descent = part.descent(start, ones, STEPS if last else FEW_STEPS)
         if not (descent.converged or last):  # gross outliers bend it, and hide; at its start they stand out
