@@ -44,6 +44,7 @@ class OwnLoops:
         self.scaled = lru_cache(2)(robots.scaled)
         self.limit = outlier_limit(len(robots.loops), settings.probability, robots.degrees)
         self.inliers = lru_cache(2)(self._inliers)  # the scale that is decided on is asked for again
+        self._told_by = lru_cache(1)(lambda scale, units: self.inliers(scale).scaled(units / scale))  # of all pairs
         self._trusted = lru_cache(2)(self._told_trusted)
 
     @cached_property
@@ -68,8 +69,7 @@ class OwnLoops:
         key = key_of_pair(self.robots, rows, self.odometry_factors), units, None if by_all else scale
 
         def compare() -> ClosureComparison:
-            settled = self.inliers(scale).scaled(units / scale)
-            claims = claims_between(self.scaled(units), rows, np.arange(self.robots.count), settled)
+            claims = claims_between(self.scaled(units), rows, np.arange(self.robots.count), self._told_by(scale, units))
             return ClosureComparison.of(claims, beyond)
 
         return self.known.of(key, beyond, compare)

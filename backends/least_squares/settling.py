@@ -53,6 +53,8 @@ class Settled:
 
     def scaled(self, scale: float) -> Settled:
         """The same with all standard deviations so many times as large."""
+        if scale == 1.0:
+            return self
         squared = scale**2
         return replace(
             self,
