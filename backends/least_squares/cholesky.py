@@ -16,66 +16,79 @@ from scipy.linalg.lapack import dpotrf
 from wiclosure.backends.least_squares.fronts import Front
 from wiclosure.types import FloatArray, IntArray
 
-STRIP = 32  # rows of blocks that are added at once: half of a symmetric matrix is saved
+STRIP = 64  # columns that are added at once: half of a symmetric matrix is saved
 
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """Which blocks of an ordered symmetric matrix are not zero, and how its fronts hold them.
 
+    Each front has a matrix of its nodes and one of its rest by its nodes, in one array, column by column.
+
     Args:
         fronts: of N nodes, children before parents.
         order: `(B,)` of the blocks given, by their place.
         starts: in that order, where the blocks of one place begin.
         bounds: `(F + 1,)` of each front's places.
-        local: `(P, 2)` row and column of each place, among the front's nodes and then those of its rest.
-        in_parent: by front, where the nodes of its rest are in its parent.
+        places: `(P, 4)` of each place: blocks before its matrix, that one's rows of blocks, and row and column there.
+        in_parent: by front, where the nodes of its rest are in its parent, among the nodes and then those of the rest.
     """
 
     fronts: Sequence[Front]
     order: IntArray
     starts: IntArray
     bounds: IntArray
-    local: IntArray
+    places: IntArray
     in_parent: Sequence[IntArray]
 
     @classmethod
     def of(cls, fronts: Sequence[Front], rows: IntArray, columns: IntArray, size: int) -> Pattern:
         """For blocks at `rows <= columns` `(B,)`, those at one place summed; each node has one on the diagonal."""
         order = np.argsort(rows * size + columns, kind="stable")
-        places = (rows * size + columns)[order]
-        starts = np.flatnonzero(np.diff(places, prepend=-1))
-        i, j = places[starts] // size, places[starts] % size
+        number = (rows * size + columns)[order]
+        starts = np.flatnonzero(np.diff(number, prepend=-1))
+        i, j = number[starts] // size, number[starts] % size
         bounds = np.searchsorted(i, [*(front.start for front in fronts), size])
-        local = np.empty((len(starts), 2), np.int64)
+        places = np.empty((len(starts), 4), np.int64)
         for front, begin, end in zip(fronts, bounds[:-1], bounds[1:], strict=True):
-            local[begin:end, 0] = i[begin:end] - front.start
-            local[begin:end, 1] = _local(front, j[begin:end])
+            nodes, row = front.stop - front.start, _local(front, j[begin:end])
+            below = row >= nodes
+            places[begin:end, 0] = np.where(below, nodes**2, 0)
+            places[begin:end, 1] = np.where(below, len(front.rest), nodes)
+            places[begin:end, 2] = np.where(below, row - nodes, row)
+            places[begin:end, 3] = i[begin:end] - front.start
         in_parent = [_local(fronts[front.parent], front.rest) for front in fronts]
-        return cls(fronts, order, starts, bounds, local, in_parent)
+        return cls(fronts, order, starts, bounds, places, in_parent)
 
     def factorised(self, blocks: FloatArray) -> Cholesky | None:
         """Of the blocks `(B, K, K)`; None if the matrix is not positive definite."""
-        width = blocks.shape[-1]
+        width, at = blocks.shape[-1], self._entries(blocks.shape[-1])
         summed = np.add.reduceat(blocks[self.order], self.starts, axis=0)
         left: dict[int, list[tuple[IntArray, FloatArray]]] = {}  # by parent, what its children leave
         diagonal, below = [], []
         for n, front in enumerate(self.fronts):
-            D, E, U = _zeros(front, width)
-            rows = slice(self.bounds[n], self.bounds[n + 1])
-            _enter(D, E, summed[rows], self.local[rows], front.stop - front.start)
+            nodes, rest = width * (front.stop - front.start), width * len(front.rest)
+            own, U = np.zeros((nodes + rest) * nodes), np.zeros((rest, rest), order="F")
+            own[at[self.bounds[n] : self.bounds[n + 1]]] = summed[self.bounds[n] : self.bounds[n + 1]]
+            D, E = (part.reshape(-1, nodes, order="F") for part in (own[: nodes**2], own[nodes**2 :]))
             for local, of_child in left.pop(n, ()):
-                _add(D, E, U, of_child, local, width)
+                _add(D, E, U, of_child, local)
             L, failed = dpotrf(D, lower=1, overwrite_a=1)
             if failed:
                 return None
-            if len(front.rest):
+            if rest:
                 E = dtrsm(1.0, L, E, side=1, lower=1, trans_a=1, overwrite_b=1)
                 U = dsyrk(-1.0, E, beta=1.0, c=U, lower=1, overwrite_c=1)
-                left.setdefault(front.parent, []).append((self.in_parent[n], U))
+                left.setdefault(front.parent, []).append((_elements(self.in_parent[n], width), U))
             diagonal.append(L)
             below.append(E)
         return Cholesky(self.fronts, diagonal, below, width)
+
+    def _entries(self, width: int) -> IntArray:
+        """`(P, K, K)` where the entries of each place's block, transposed, are in its front's array."""
+        before, height, row, column = self.places.T[..., None, None]
+        i, j = np.arange(width)[:, None], np.arange(width)
+        return np.asarray(width**2 * before + (width * row + j) + width * height * (width * column + i))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,42 +153,26 @@ def _local(front: Front, nodes: IntArray) -> IntArray:
     return np.where(nodes < front.stop, nodes - front.start, later)
 
 
-def _zeros(front: Front, width: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The front's matrix: of its nodes, of its rest by its nodes, of its rest."""
-    nodes, rest = width * (front.stop - front.start), width * len(front.rest)
-    shapes = (nodes, nodes), (rest, nodes), (rest, rest)
-    D, E, U = (np.zeros(shape, order="F") for shape in shapes)
-    return D, E, U
-
-
-def _by_block(of: FloatArray, width: int) -> FloatArray:
-    """A view `(C, K, R, K)` of a matrix whose columns follow each other in memory."""
-    return of.T.reshape(of.shape[1] // width, width, of.shape[0] // width, width)
-
-
-def _enter(D: FloatArray, E: FloatArray, blocks: FloatArray, local: IntArray, nodes: int) -> None:
-    """Blocks `(P, K, K)` at rows and columns `(P, 2)`, into the lower triangle: each transposed."""
-    inside = local[:, 1] < nodes
-    for of, part, shift in ((D, inside, 0), (E, ~inside, nodes)):
-        _by_block(of, blocks.shape[-1])[local[part, 0], :, local[part, 1] - shift, :] = blocks[part]
-
-
-def _add(D: FloatArray, E: FloatArray, U: FloatArray, of_child: FloatArray, local: IntArray, width: int) -> None:
-    """What a child leaves `(R K, R K)`, at the places of its rest in this front."""
-    nodes, left = D.shape[0] // width, _by_block(of_child, width)
-    split = int(np.searchsorted(local, nodes))
-    inside, outside = local[:split], local[split:] - nodes
-    _add_triangle(_by_block(D, width), left[:split, :, :split], inside)
+def _add(D: FloatArray, E: FloatArray, U: FloatArray, of_child: FloatArray, at: IntArray) -> None:
+    """What a child leaves `(R, R)`, at the unknowns `at (R,)` of this front: its lower triangle, strip by strip."""
+    nodes = len(D)
+    split = int(np.searchsorted(at, nodes))
+    inside, outside = at[:split], at[split:] - nodes
+    _add_triangle(D, of_child[:split, :split], inside)
     if len(outside):
-        _by_block(E, width)[inside[:, None], :, outside, :] += left[:split, :, split:].swapaxes(1, 2)
-        _add_triangle(_by_block(U, width), left[split:, :, split:], outside)
+        _add_entries(E, of_child[split:, :split], outside, inside)
+        _add_triangle(U, of_child[split:, split:], outside)
 
 
-def _add_triangle(of: FloatArray, blocks: FloatArray, at: IntArray) -> None:
-    """Blocks `(R, K, R, K)` at the rows and columns `(R,)`: those on the diagonal and after it, strip by strip."""
+def _add_triangle(of: FloatArray, part: FloatArray, at: IntArray) -> None:
     for start in range(0, len(at), STRIP):
-        rows, part = at[start : start + STRIP], blocks[start : start + STRIP, :, start:]
-        of[rows[:, None], :, at[start:], :] += part.swapaxes(1, 2)
+        strip = slice(start, start + STRIP)
+        _add_entries(of, part[start:, strip], at[start:], at[strip])
+
+
+def _add_entries(of: FloatArray, part: FloatArray, rows: IntArray, columns: IntArray) -> None:
+    """A matrix at rows and columns of another whose columns follow each other in memory."""
+    np.add.at(of.reshape(-1, order="F"), (rows + len(of) * columns[:, None]).ravel(), part.T.ravel())
 
 
 def _elements(nodes: IntArray, width: int) -> IntArray:
