@@ -38,7 +38,8 @@ def elimination_positions(first: IntArray, second: IntArray, size: int) -> IntAr
     """`(N,)` place of each node in an order of elimination that leaves the factors sparse."""
     position = np.full(size, -1)
     graph = gtsam.SymbolicFactorGraph()
-    for i, j in np.unique(np.stack([first, second], axis=1), axis=0).tolist():
+    joined = np.unique(first * size + second)
+    for i, j in zip((joined // size).tolist(), (joined % size).tolist(), strict=True):
         graph.push_factor(i, j)
     if graph.size():
         ordering = gtsam.Ordering.MetisSymbolicFactorGraph(graph)
@@ -86,15 +87,15 @@ def _elimination_tree(low: IntArray, high: IntArray, size: int) -> IntArray:
 
 def _postorder(parent: IntArray) -> IntArray:
     """Nodes `(N,)` such that those below each come right before it."""
-    children: list[list[int]] = [[] for _ in parent]
-    stack: list[int] = []
+    last, before = [-1] * (len(parent) + 1), [-1] * len(parent)  # child of each, of none at the end; sibling of each
     for node, above in enumerate(parent.tolist()):
-        (children[above] if above >= 0 else stack).append(node)
-    order = []
-    while stack:
-        node = stack.pop()
-        order.append(node)
-        stack += children[node]
+        before[node], last[above] = last[above], node
+    order, waiting = [], [last[-1]]
+    while waiting:
+        node = waiting.pop()
+        if node >= 0:
+            order.append(node)
+            waiting += before[node], last[node]
     return np.array(order[::-1], np.int64)
 
 
