@@ -134,7 +134,8 @@ class OwnClaims:
         one, other = np.repeat(np.arange(count), nearest.size // max(count, 1)), nearest.ravel()
         comparable = (one != other) & (robot[one] == robot[other])
         one, other = one[comparable], other[comparable]
-        return one, other, self.pair_distances(one, other)
+        pairs, place = np.unique(np.minimum(one, other) * count + np.maximum(one, other), return_inverse=True)
+        return one, other, self.pair_distances(pairs // count, pairs % count)[place]  # most are neighbours both ways
 
     def supported(self, limit: float) -> BoolArray:
         """`(N,)` those that neighbours, supported like them, lie within a squared distance of `limit` of."""

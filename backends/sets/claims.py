@@ -179,9 +179,7 @@ class Claims:
         the translation's part likewise, which is no shorter than the distance of the frames.  The covariance of a
         difference is at most twice the sum of both.
         """
-        turn, shift = (
-            2.0 * np.trace(self.frame_covariance[:, part, part], axis1=1, axis2=2) for part in (slice(3), slice(3, 6))
-        )
+        turn, shift = self._most_variance
         positions, rotations = self.frames[:, :3, 3], self.frames[:, :3, :3].reshape(-1, 9)
         apart = cdist(positions[rows], positions[others], "sqeuclidean")
         angles = np.arccos(np.clip(0.5 * (rotations[rows] @ rotations[others].T - 1.0), -1.0, 1.0))
@@ -189,6 +187,12 @@ class Claims:
             (apart <= limit * (shift[rows, None] + shift[others]))
             & (angles**2 <= limit * (turn[rows, None] + turn[others]))
         )
+
+    @cached_property
+    def _most_variance(self) -> FloatArray:
+        """`(2, N)` of the rotation and the translation of each frame in any direction, from above, twice."""
+        parts = self.frame_covariance[:, :3, :3], self.frame_covariance[:, 3:, 3:]
+        return 2.0 * np.stack([np.trace(part, axis1=1, axis2=2) for part in parts])
 
     def _arrays(self) -> tuple[FloatArray, ...]:
         return self.T_A_a, self.T_B_b, self.T_a_b, self.covariance, self.wander_a, self.wander_b
