@@ -90,7 +90,7 @@ class OwnLoops:
         everything = self._everything.scaled(scale)
         if self._all_fit(scale):
             return everything
-        return self._among(robots, robots.own, [everything.poses, robots.poses])
+        return self._among(robots, robots.own, _system(robots, robots.own), [everything.poses, robots.poses])
 
     def _told_trusted(self, scale: float) -> BoolArray | None:
         """Loops `(M,)` that neighbours support; None where odometry refutes no other."""
@@ -108,18 +108,25 @@ class OwnLoops:
 
         The others never enter: each would join two places more, and fill the normal matrix.
         """
-        system = System.of(robots.odometry + robots.loops.subset(trusted), robots.poses, robots.first_nodes)
-        by_trusted = self._among(robots, trusted, [cheaper_start(system, robots.poses)], rounds=1)
+        system = _system(robots, trusted)
+        by_trusted = self._among(robots, trusted, system, [cheaper_start(system, robots.poses)], rounds=1)
         plausible = robots.own & (by_trusted.distance <= self.limit)
-        return self._among(robots, plausible, [by_trusted.poses])
+        return self._among(robots, plausible, _system(robots, plausible), [by_trusted.poses])
 
-    def _among(self, robots: Robots, candidates: BoolArray, starts: list[FloatArray], **rounds: int) -> Settled:
-        """By the inliers among these; the others are checked against what they predict."""
-        inlier, loops = candidates.copy(), robots.loops.subset(candidates)
-        inlier[candidates], poses = graduated(robots.odometry, loops, starts, robots.first_nodes, self.limit)
+    def _among(
+        self, robots: Robots, candidates: BoolArray, system: System, starts: list[FloatArray], **rounds: int
+    ) -> Settled:
+        """By the inliers among these, of which the system is; the others are checked against what they predict."""
+        inlier = candidates.copy()
+        inlier[candidates], poses = graduated(system, len(robots.odometry), starts, self.limit)
         return settle(
             robots.odometry, robots.loops, inlier, robots.own, poses, robots.first_nodes, self.limit, **rounds
         )
+
+
+def _system(robots: Robots, loops: BoolArray) -> System:
+    """Of odometry and some loops `(M,)`."""
+    return System.of(robots.odometry + robots.loops.subset(loops), robots.poses, robots.first_nodes)
 
 
 def by_all_own_loops(robots: Robots) -> Settled:
@@ -129,6 +136,6 @@ def by_all_own_loops(robots: Robots) -> Settled:
     limit = outlier_limit(len(found.redundant), PROBABILITY, robots.degrees)
     if (found.redundant <= limit).all():
         return found
-    system = System.of(robots.odometry + robots.loops.subset(own), found.poses, robots.first_nodes)
+    system = _system(robots, own)
     start = cheaper(system, found.poses, system.solved(chordal(system, found.poses)))
     return settle(robots.odometry, robots.loops, own, own, start, robots.first_nodes, np.inf)

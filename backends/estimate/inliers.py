@@ -27,6 +27,7 @@ from wiclosure.backends.factor_graph.radio_factors import radio_factors
 from wiclosure.backends.least_squares.edges import degrees_of_freedom, mahalanobis_squared
 from wiclosure.backends.least_squares.graduated import graduated
 from wiclosure.backends.least_squares.settling import settle
+from wiclosure.backends.least_squares.system import System
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.types import BoolArray, FloatArray, IntArray
 
@@ -46,13 +47,13 @@ def decide(
     trajectories, rows, groups = measured.trajectories, measured.closures, measured.groups
     team = TeamArrays.of(trajectories, _numbered(measured.sets), np.zeros(rows, bool), _nodes(measured))
     limit = settings.inlier_limit(rows, team.robots.degrees) if settings.robust == "gnc" else np.inf
-    starts = better_starts(team, groups, rigid, limit)
     held = np.array([team.robots.first_nodes[team.names.index(group[0])] for group in groups])
     known, loops = team.robots.odometry, team.robots.loops
-    (mask, poses), least = graduated(known, loops, starts, held, limit), None
+    system = System.of(known + loops, team.stacked(rigid), held)
+    starts = better_starts(team, system, groups, rigid, limit)
+    (mask, poses), least = graduated(system, len(known), starts, limit), None
     if mask.all():
-        edges = known + loops
-        least = float(mahalanobis_squared(edges.errors(poses), edges.covariance).sum())
+        least = float(mahalanobis_squared(system.edges.errors(poses), system.edges.covariance).sum())
     else:  # with outliers about, those kept may hide behind odometry that they bend
         settled = settle(known, loops, mask, np.ones(rows, bool), poses, held, limit)
         mask, poses = settled.inlier, settled.poses

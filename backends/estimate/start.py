@@ -14,24 +14,21 @@ from wiclosure.types import FloatArray
 
 
 def better_starts(
-    team: TeamArrays, groups: Sequence[Sequence[str]], rigid: Mapping[str, FloatArray], limit: float
+    team: TeamArrays, system: System, groups: Sequence[Sequence[str]], rigid: Mapping[str, FloatArray], limit: float
 ) -> list[FloatArray]:
     """Node poses `(N, 4, 4)`: of odometry placed rigidly and chordal initialisation the one that costs less.
 
     First by the cost of all closures in full; then, if that is another, by that with each up to the squared distance
-    `limit`, which false ones do not spoil.  Each group of connected robots by itself; its first robot's first keyframe
-    stays where `rigid` has it.
+    `limit`, which false ones do not spoil.  Each group of connected robots by itself; the system, of odometry and all
+    closures, holds its first robot's first keyframe, which stays where `rigid` has it.
     """
     robots, placed = team.robots, team.stacked(rigid)
     in_full, truncated = placed.copy(), placed.copy()
-    edges, count = robots.odometry + robots.loops, len(robots.odometry)
-    roots = [int(robots.first_nodes[team.names.index(group[0])]) for group in groups]
-    system = System.of(edges, placed, np.array(roots))
-    relaxed = chordal(system, placed)
+    relaxed, count = chordal(system, placed), len(robots.odometry)
     of_placed, of_relaxed = system.chi_squares(placed), system.chi_squares(relaxed)
     for group in groups:
         members = np.isin(robots.robot, [team.names.index(name) for name in group])
-        inside = members[edges.first]
+        inside = members[system.edges.first]
         if not inside[count:].any():
             continue
         known = int(inside[:count].sum())

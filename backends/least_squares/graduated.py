@@ -8,9 +8,8 @@ import numpy as np
 
 from wiclosure.backends.factor_graph.truncated_least_squares import truncated_cost, truncated_weights
 from wiclosure.backends.least_squares.chordal import cheaper, chordal
-from wiclosure.backends.least_squares.edges import Edges
 from wiclosure.backends.least_squares.system import CONVERGED, FEW_STEPS, STEPS, System
-from wiclosure.types import BoolArray, FloatArray, IntArray
+from wiclosure.types import BoolArray, FloatArray
 
 MU_GROWTH = 1.4  # of mu, as in the paper
 MU_GROWTH_SETTLED = 4.0  # where the last step hardly moved the estimate
@@ -20,22 +19,25 @@ ROUGHLY = 1e-3  # relative decrease of the cost that ends a step: other weights 
 MOST_IDLE = 0.2  # of a system's edges, of no weight: with more, a smaller one is ordered anew
 
 
-def graduated(
-    odometry: Edges, loops: Edges, starts: Sequence[FloatArray], held: IntArray, limit: float
-) -> tuple[BoolArray, FloatArray]:
+def graduated(system: System, count: int, starts: Sequence[FloatArray], limit: float) -> tuple[BoolArray, FloatArray]:
     """Inliers `(M,)` among loops, and poses, by graduated non-convexity with truncated least squares.
 
     Yang et al., RA-L 2020; each step is a few of Gauss-Newton and goes on from the one before.  Where all residuals of
     the plain solution from one of the starts are within the limit, that is the answer; else the steps begin at that
     from the last start, and it is the answer where it costs less than what came of them.
+
+    Args:
+        system: `count` edges of odometry, which are known inliers, then the loops.
+        count: of them.
+        starts: node poses `(N, 4, 4)`.
+        limit: squared distance from which a closure is an outlier.
     """
-    system, count = System.of(odometry + loops, starts[0], held), len(odometry)
     ones = np.ones(len(system.edges))
     for start in starts:
         plain = poses = system.solved(start)
         chi_square = system.chi_squares(poses)[count:]
         if (chi_square <= limit).all():
-            return np.ones(len(loops), bool), poses
+            return np.ones(len(chi_square), bool), poses
     mu = limit / max(2.0 * float(chi_square.max()) - limit, limit)
     weighted = _Weighted(system)
     for _ in range(MOST_GNC_STEPS):

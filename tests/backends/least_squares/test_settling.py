@@ -120,10 +120,15 @@ def test_a_scale_of_sigma_divides_distances_by_its_square():
     np.testing.assert_array_equal(two.poses, one.poses)
 
 
+def among(odometry, loops, poses):
+    """`graduated` from the poses."""
+    return graduated(System.of(odometry + loops, poses, HELD), len(odometry), [poses], LIMIT)
+
+
 def test_gnc_finds_the_inliers_from_odometry_alone():
     odometry, loops, poses, truth = path(3)
     wrong = [0, 3, 4, 8, 11]
-    inlier, found = graduated(odometry, spoiled(loops, wrong), [poses], HELD, LIMIT)
+    inlier, found = among(odometry, spoiled(loops, wrong), poses)
     assert np.flatnonzero(~inlier).tolist() == wrong
     assert_same(found, truth, 0.3)
 
@@ -139,7 +144,7 @@ def test_gnc_takes_no_more_steps_than_mu_needs_to_leave_none_undecided(monkeypat
         return weights(chi_square, limit, mu)
 
     monkeypatch.setattr(graduated_module, "truncated_weights", counted)
-    inlier, _ = graduated(odometry, bad, [poses], HELD, LIMIT)
+    inlier, _ = among(odometry, bad, poses)
     (first_mu, plain), (_, last), taken = steps[0], steps[-1], len(steps) - 1
     assert first_mu == pytest.approx(LIMIT / (2 * plain.max() - LIMIT))
     assert last[~inlier].min() > 2 * LIMIT
@@ -148,7 +153,7 @@ def test_gnc_takes_no_more_steps_than_mu_needs_to_leave_none_undecided(monkeypat
 
 def test_gnc_keeps_all_where_the_plain_answer_fits():
     odometry, loops, poses, truth = path(4, noise=0.0)
-    inlier, found = graduated(odometry, loops, [poses], HELD, LIMIT)
+    inlier, found = among(odometry, loops, poses)
     assert inlier.all()
     assert_same(found, truth, 1e-6)
 
