@@ -18,8 +18,8 @@ class PairConsistency:
         proven: false if the time ran out before a larger set was excluded.
         ambiguous: that set is nearly as large, so that neither is accepted.
         sentence: the same for the user.
-        rival: size of the largest set that contradicts what is accepted and is at least half as strong
-            (`CandidateSet.strength`), where nothing else speaks against it; 0 without one.
+        rival: size of the largest set that contradicts what is accepted, here or of robots between, and is at least
+            half as strong (`CandidateSet.strength`), where nothing else speaks against it; 0 without one.
     """
 
     robot_a: str
@@ -39,6 +39,12 @@ class PairConsistency:
         if not self.rival:
             return ""
         name = self.robot_a if self.robot_a == self.robot_b else f"{self.robot_a} and {self.robot_b}"
+        if not self.kept:
+            return (
+                f"{name}: the map may be wrong: {self.rival} closures agree with each other, but contradict accepted"
+                " ones that join these robots over others and are hardly better supported, as where places look alike;"
+                " nothing tells which are true"
+            )
         return (
             f"{name}: the map may be wrong: {self.kept} closures agree with each other and are"
             f" accepted, but {self.rival} others agree as well and contradict them, as where places look alike; nothing"

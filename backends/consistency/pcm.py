@@ -15,6 +15,7 @@ from wiclosure.backends.consistency.despite_errors import Measured, merge_despit
 from wiclosure.backends.consistency.merging import MergedGroups
 from wiclosure.backends.consistency.neighbouring_closures import robots_in_contradiction
 from wiclosure.backends.consistency.pair_report import PairConsistency, doubt_of_neighbours
+from wiclosure.backends.consistency.rival_sets import rivals
 from wiclosure.backends.consistency.unchecked_loops import unchecked
 from wiclosure.backends.least_squares.team_arrays import TeamArrays
 from wiclosure.backends.odometry_jump import OdometryJump
@@ -23,9 +24,7 @@ from wiclosure.backends.sets.merge_settings import MergeSettings
 from wiclosure.backends.sets.sigma_scale import least
 from wiclosure.backends.steady_error import SteadyError
 from wiclosure.blas import one_blas_thread
-from wiclosure.types import BoolArray, Closure, IntArray, Stage, Trajectory
-
-_ONE_PLACE = 2  # closures that agree by being of the same place
+from wiclosure.types import Closure, IntArray, Stage, Trajectory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +180,10 @@ def pairwise_consistent(
     of_pair_sets: defaultdict[tuple[int, int], list[CandidateSet]] = defaultdict(list)
     for candidate in sorted(merged.candidates, key=len, reverse=True):
         of_pair_sets[candidate.a, candidate.b].append(candidate)
-    reports = tuple(_report(z, of_pair_sets[_pair(z, team)], decisions, merged.inlier) for z in sets)
+    rival, pairs = rivals(merged.candidates, merged.inlier), [_pair(z, team) for z in sets]
+    reports = tuple(
+        _report(z, of_pair_sets[pair], decisions, rival.get(pair, 0)) for z, pair in zip(sets, pairs, strict=True)
+    )
     vague = {team.names[robot]: share for robot, share in unchecked(team.robots, merged, of_merge).items()}
     contradictory = robots_in_contradiction(team, merged, despite.decisions.believed)
     basis, errors = (team, merged), (despite.jumps, despite.open_jumps, despite.steady, despite.open_steady)
@@ -208,12 +210,11 @@ def _pair(closure_set: ClosureSet, team: TeamArrays) -> tuple[int, int]:
 
 
 def _report(
-    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision], inlier: BoolArray
+    closure_set: ClosureSet, found: Sequence[CandidateSet], decisions: Mapping[int, Decision], rival: int
 ) -> PairConsistency:
     """Of one pair of robots, or of one robot, from the sets found there, largest first."""
     sizes = [*map(len, found), 0, 0]
     kept = sum(decisions[row].accepted for row in closure_set.rows.tolist())
-    rival = _rival(found, inlier) if kept else 0
     objections = [c.refutation or c.objection for c in found if c.refutation or c.objection]
     if kept:
         said = f"{kept} of {len(closure_set)} closures agree and are accepted"
@@ -224,18 +225,8 @@ def _report(
     ambiguous = not kept and bool(objections) and objections[0].startswith("ambiguous")
     return PairConsistency(
         closure_set.robot_a, closure_set.robot_b, len(closure_set), kept, sizes[0], sizes[1], proven=True,
-        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}", rival=rival if rival > _ONE_PLACE else 0,
+        ambiguous=ambiguous, sentence=f"{closure_set.name}: {said}", rival=rival,
     )  # fmt: skip
-
-
-def _rival(found: Sequence[CandidateSet], inlier: BoolArray) -> int:
-    """Closures left out of the largest set that nothing but those accepted speaks against, and that is half as strong.
-
-    Not half as many: along a stretch that looks like another, any number agrees.
-    """
-    accepted = max((c.strength for c in found if 2 * np.count_nonzero(inlier[c.rows]) > len(c)), default=0.0)
-    rivals = [c for c in found if c.rivalled and not c.refutation and 2.0 * c.strength >= accepted > 0.0]
-    return max((int(np.count_nonzero(~inlier[c.rows])) for c in rivals), default=0)
 
 
 def _with_support(

@@ -45,6 +45,7 @@ class CandidateSet:
         objection: why the pair alone does not settle it; empty if it does.
         coverage: share of both paths that the closures' ends span.
         rivalled: whether another set of its pair is all that objects to it.
+        one_place: whether all that objects to it within the pair is that it may be of one look-alike place.
         support, contradiction: of cycles over third groups.
         places: of its closures, each within a view: neighbours of one look-alike place agree for one reason.
         frame, noise, wander: where the second group lies in the first by all of its closures (`Claims.mean_frame`).
@@ -57,6 +58,7 @@ class CandidateSet:
     comparison: ClosureComparison
     objection: str = ""
     rivalled: bool = False
+    one_place: bool = False
     coverage: float = 1.0
     support: float = 0.0
     contradiction: float = 0.0

@@ -93,7 +93,10 @@ def _check_by_itself(
     candidate.coverage = _coverage(robots, candidate, group, settled)
     view_m = settings.view_steps * robots.step_m
     candidate.places = count_places(robots, candidate.rows, view_m, SATURATED)
-    candidate.objection = _objection(robots, candidate, settings.min_size, view_m)
+    candidate.objection = _objection(candidate, settings.min_size)
+    if not candidate.objection:
+        candidate.objection = _of_one_place(robots, candidate, view_m)
+        candidate.one_place = bool(candidate.objection)
 
 
 def places_of_groups(robots: Robots, group: IntArray, settled: Settled) -> Places:
@@ -145,8 +148,8 @@ def count_places(robots: Robots, rows: IntArray, view_m: float, most: int | None
     return max(count, 1)
 
 
-def _objection(robots: Robots, candidate: CandidateSet, min_size: int, view_m: float) -> str:
-    """Too few, chance, or one place that may look like another; empty if the pair alone settles it."""
+def _objection(candidate: CandidateSet, min_size: int) -> str:
+    """Too few, or chance; empty if they agree for a reason."""
     size, total = len(candidate), candidate.closure_set.total
     if size == 1:
         return "a single closure cannot be checked" if total == 1 else f"no two of the {total} closures agree"
@@ -154,7 +157,13 @@ def _objection(robots: Robots, candidate: CandidateSet, min_size: int, view_m: f
         return f"no more than {size} of the {total} closures agree, {min_size} must"
     if candidate.closure_set.by_chance(EXPECTED_BY_CHANCE):
         return f"the largest set has {size} of {total} closures, which chance could explain"
-    span, needed = _span(candidate), LEAST_OF_THREE if size <= 3 else LEAST_COVERAGE
+    return ""
+
+
+def _of_one_place(robots: Robots, candidate: CandidateSet, view_m: float) -> str:
+    """One place that may look like another; empty if the pair alone settles it."""
+    size, span = len(candidate), _span(candidate)
+    needed = LEAST_OF_THREE if size <= 3 else LEAST_COVERAGE
     if candidate.coverage >= needed or _views(candidate, span, view_m) >= 1 or robots.predicted[candidate.rows].any():
         return ""
     return (
