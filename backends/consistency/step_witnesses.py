@@ -47,7 +47,7 @@ def step_confirmed(robots: Robots, found: Explanation, node: int, settings: Merg
         rejected = np.flatnonzero(of_part & ~inlier & (from_cut > nearest))
         by_step = _ByStep.of(robots, found, node, side)
         rows = rejected[by_step.distances(rejected, rejected) <= settings.agree_limit]
-        if not len(rows):
+        if len(rows) < settings.min_size:  # a single one may be nearer to the right place of a misplaced cut
             continue
         chance = by_step.chance(np.flatnonzero(of_part), settings.agree_limit)
         agreeing, places = (count_places(cut, of, view_m) for of in (rows, rejected))
