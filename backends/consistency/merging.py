@@ -15,7 +15,7 @@ from wiclosure.backends.consistency.group_cycles import settle_cycles
 from wiclosure.backends.consistency.joining import connect, joined_groups, strongest
 from wiclosure.backends.consistency.odometry_factors import odometry_factors
 from wiclosure.backends.consistency.own_loops import OwnLoops
-from wiclosure.backends.consistency.scale import REFINEMENTS, allowed, scale_of
+from wiclosure.backends.consistency.scale import REFINEMENTS, allowed, finer_ones, scale_of
 from wiclosure.backends.least_squares.edges import mahalanobis_squared
 from wiclosure.backends.least_squares.robots import Robots
 from wiclosure.backends.least_squares.settling import Settled, outlier_limit, settle
@@ -76,6 +76,15 @@ class MergedGroups:
         of_loops = np.where(self.inlier, loops + scaled, cost_of_rejected(of, settings))
         return float((odometry + loosened + scaled).sum() + of_loops.sum())
 
+    def restricted_cost(self, robots: Robots, settings: MergeSettings) -> float:
+        """The same of the restricted likelihood (REML), of which poses are integrated out: to compare factors by.
+
+        Odometry fits under any factor, and so does a loop for each two groups that join: what nothing checks tells
+        nothing of sigma.
+        """
+        unchecked = len(robots.odometry) + robots.count - len(np.unique(self.group))
+        return self.cost(robots, settings) - unchecked * robots.degrees * float(np.log(self.factors).sum())
+
 
 def cost_of_rejected(robots: Robots, settings: MergeSettings) -> float:
     """Of one closure, as a squared distance."""
@@ -119,6 +128,12 @@ def _under_one_factor(robots: Robots, settings: MergeSettings, own: OwnLoops) ->
         finer = allowed(scale * sigma_scale.of_most(merged.settled.redundant, robots.degrees), settings)
         tried = _merged(robots, settings, own, finer)
         if tried.cost(robots, settings) < merged.cost(robots, settings):
+            scale, merged = finer, tried
+    for finer in finer_ones(robots, settings, scale):
+        tried = _merged(robots, settings, own, finer)
+        if sigma_scale.of_residuals(tried.settled.redundant, robots.degrees) is None:
+            break
+        if tried.restricted_cost(robots, settings) < merged.restricted_cost(robots, settings):
             scale, merged = finer, tried
     for _ in range(REFINEMENTS):
         left = sigma_scale.of_residuals(merged.settled.redundant, robots.degrees)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from wiclosure.backends.consistency.own_loops import OwnLoops
@@ -26,6 +28,14 @@ def scale_of(robots: Robots, settings: MergeSettings, own: OwnLoops) -> float:
 def allowed(scale: float, settings: MergeSettings) -> float:
     """Within the limits; 1 where it is near 1."""
     return sigma_scale.settled(scale, settings.least_scale, settings.most_scale)
+
+
+def finer_ones(robots: Robots, settings: MergeSettings, scale: float) -> Iterator[float]:
+    """Smaller factors, each half of the one before, where odometry is so vague that false loops fit as well as true."""
+    if robots.scaled(scale).drift_share() > VAGUE:
+        while scale > 2.0 * settings.least_scale:
+            scale *= 0.5
+            yield scale
 
 
 def _fitting(robots: Robots, settings: MergeSettings, own: OwnLoops) -> float:

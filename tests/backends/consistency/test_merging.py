@@ -158,6 +158,25 @@ def test_false_loops_within_robots_do_not_fit_under_a_metre_and_a_radian(team_ma
     assert not kept[len(closures) :].any()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_more_false_loops_than_true_within_robots_do_not_fit_where_closures_between_robots_tell(team_maker, seed):
+    """Most own loops fit a metre and a radian better; all edges together are likelier with smaller errors."""
+    team, rng = team_maker(seed, noise=1.0), np.random.default_rng(seed)
+    true = between(team, "alpha", "beta", rng.integers(0, 60, (40, 2)), rng)
+    false = []
+    for robot in team.odometry:
+        ends = np.stack([rng.integers(0, 25, 18), rng.integers(30, 60, 18)], axis=1).tolist()
+        true += [team.closure((robot, i), (robot, j), noise=rng) for i, j in ends[:8]]
+        false += [team.false_closure((robot, i), (robot, j), rng) for i, j in ends[8:]]
+    unknown = [team.remeasured(c, covariance=np.eye(6)) for c in true + false]
+    steps = np.tile(np.eye(6), (59, 1, 1))
+    odometry = {name: replace(t, step_covariances=steps) for name, t in team.odometry.items()}
+    kept = live(pairwise_consistent(unknown, odometry, PcmSettings(noise=EXACT, max_scale=10.0)))
+    assert kept[: len(true)].mean() >= 0.9
+    assert not kept[len(true) :].any()
+
+
 @pytest.mark.parametrize(("seed", "sigma"), [(3, 1e-5), (0, 1e-3), (4, 1e-3), (0, 1e-2)])
 def test_measurements_without_noise_written_with_six_digits_are_kept_whatever_they_state(seed, sigma):
     """The factor falls to where only rounding is left, no sign of false loops, and no further."""

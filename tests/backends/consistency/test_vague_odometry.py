@@ -45,8 +45,8 @@ def cube(seed, false, *, only_false=False):
 
 
 def test_false_loops_stay_out_although_nothing_is_stated():
-    """Odometry errs less than loops do: with one factor for both, false loops fit."""
-    odometry, closures, true = cube(0, 45)
+    """Odometry errs less than loops do: under any factor on both, false loops fit better than true ones."""
+    odometry, closures, true = cube(1, 75)
     found = pairwise_consistent(closures, odometry, SETTINGS)
     kept = np.array([c.live for c in found.closures])
     assert kept[true].all()
